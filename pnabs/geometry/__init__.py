@@ -1,0 +1,1 @@
+"""Meshes and cuboids as arrays: no Ray, no run folder, no torch."""

@@ -1,0 +1,239 @@
+"""Every setting, typed, documented and validated: the schema of a job file.
+
+Settings are grouped by what they change.  `Runtime` and `Report` never change a
+model's results and stay out of every fingerprint.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Layout = Literal["shapenet-v1", "shapenet-v2", "folder"]
+
+
+class Group(BaseModel):
+    """Base of all groups: unknown keys are errors, values are frozen."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Dataset(Group):
+    """Where the meshes come from."""
+
+    root: Path
+    """Folder of the collection, or one zip file; relative paths count from where pnabs is run."""
+    layout: Layout = "shapenet-v2"
+    """How models lie below `root`."""
+    categories: tuple[str, ...] | None = None
+    """Categories to take, by folder name or alias (`chair` = 03001627); all when left out."""
+    split: Path | Literal["hash"] = "hash"
+    """`hash` (the paper's two thirds train, one third test, by a hash of the id), or a csv
+    in the form of ShapeNet's all.csv (columns synsetId, modelId, split)."""
+    test_share: Share = 1 / 3
+    """Share of a category that tests, for `split: hash`."""
+    val_share: Share = 0.0
+    """Share of a category held out for validation, for `split: hash`; taken from training."""
+    limit: PositiveInt | None = None
+    """At most so many models a category (the first by id)."""
+    shard_size: PositiveInt = 64
+    """Models a shard: the unit of commit and resume."""
+
+
+class Limits(Group):
+    """What a mesh may cost, checked before the cost is paid."""
+
+    max_bytes: PositiveInt = 256 * 2**20
+    """Largest mesh file, uncompressed."""
+    max_faces: PositiveInt = 2_000_000
+    """Most triangles of a mesh."""
+
+
+class Solid(Group):
+    """How polygon soups become solids."""
+
+    open: Literal["fill", "shell"] = "fill"
+    """Open tubes and shades count as filled (`fill`), or keep only their sheets (`shell`)."""
+    mirror: Literal["auto", "layout", "x", "y", "z", "none"] = "auto"
+    """Mirror axis of a model: the best of x and z by the solid's mirror IoU (`auto`), the
+    layout's convention (`layout`: z for shapenet-v1, x for shapenet-v2), or fixed."""
+    mirror_threshold: Share = 0.8
+    """Below this mirror IoU a model counts as asymmetric (`auto`)."""
+
+
+class Ingest(Group):
+    """What is computed from each mesh and kept."""
+
+    limits: Limits = Limits()
+    solid: Solid = Solid()
+    surface_points: PositiveInt = 10_000
+    """Points with normals sampled on the solid's surface."""
+    interior_points: PositiveInt = 2_048
+    """Points sampled in the solid's interior."""
+    preview_faces: PositiveInt = 5_000
+    """Most triangles of the preview that the report's pictures show."""
+
+
+class Network(Group):
+    """The prediction network; the positive and the negative module are two of it."""
+
+    positives: PositiveInt = 12
+    """Positive cuboids."""
+    negatives: PositiveInt = 8
+    """Negative cuboids."""
+    channels: Annotated[tuple[PositiveInt, ...], Field(min_length=5, max_length=5)] = (
+        8, 16, 32, 64, 128,
+    )  # fmt: skip
+    """Channels of the encoder's five blocks (POSPRIM: 4-8-16-32-64)."""
+    hidden: PositiveInt = 256
+    """Width of the fully connected layers."""
+    start: Literal["octants", "farthest"] = "farthest"
+    """Where cuboids start: octant centres (eight only), or farthest points of the training
+    shapes' mean occupancy."""
+    refine_input: Literal["vector", "volume"] = "vector"
+    """Refinement reads the previous cuboids as numbers, or also as a volume through the encoder."""
+
+
+class LossWeights(Group):
+    """Weight of each term (METHOD, losses); a weight of 0 switches the term off."""
+
+    fit1: NonNegativeFloat = 1.0
+    """Cuboid samples to the shape (Eq. 2)."""
+    fit2: NonNegativeFloat = 1.0
+    """Shape samples to the cuboids (Eq. 2)."""
+    symmetry: NonNegativeFloat = 1.0
+    """Symmetry (Eq. 3), in refinement the conditional form (Eq. 5)."""
+    regularisation: NonNegativeFloat = 1.0
+    """Excess of one iteration's change (Eqs. 6, 7)."""
+    separation: NonNegativeFloat = 1.0
+    """Negatives apart from the shape's interior (Eq. 9)."""
+    occupancy: NonNegativeFloat = 0.1
+    """Cross-entropy and soft IoU of a soft union at grid points (ours; 0 = the paper)."""
+
+
+class Training(Group):
+    """The four phases: initial and refinement, of the positive and then the negative module."""
+
+    epochs: PositiveInt = 150
+    """Epochs a phase."""
+    batch_size: PositiveInt = 32
+    """Global batch, over all workers."""
+    learning_rate: PositiveFloat = 0.001
+    """Adam's rate."""
+    encoder_learning_rate: PositiveFloat = 0.0001
+    """Adam's rate for the encoder in refinement, inherited from the initial phase."""
+    schedule: Literal["constant", "cosine"] = "cosine"
+    """Learning rate over a phase: constant (the paper), or falling to zero along a cosine."""
+    betas: tuple[Share, Share] = (0.9, 0.999)
+    """Adam's moments."""
+    iterations: PositiveInt = 3
+    """Refinement iterations in training."""
+    cuboid_samples: PositiveInt = 64
+    """Points sampled in each cuboid for L_fit1."""
+    shape_samples: PositiveInt = 1_000
+    """Points sampled in the shape for L_fit2, half surface and half interior."""
+    occupancy_samples: PositiveInt = 1_280
+    """Grid points for the occupancy loss, half of them near the surface."""
+    symmetry_alpha: Share = 0.3
+    """A cuboid that overlaps its own mirror image more is left out of Eq. 5."""
+    theta_scale: PositiveFloat = 0.02
+    """Eq. 7's threshold for full sides, a norm in normalised units."""
+    theta_translation: PositiveFloat = 0.02
+    """Eq. 7's threshold for translation, a norm in normalised units."""
+    theta_rotation: PositiveFloat = 20.0
+    """Eq. 7's threshold for rotation, in degrees."""
+    mirror_augment: bool = True
+    """Show each shape mirrored every other time, across its own mirror axis' plane."""
+    losses: LossWeights = LossWeights()
+    workers: PositiveInt = 1
+    """Data-parallel training processes."""
+
+
+class Difference(Group):
+    """The difference volume that the negative module learns from."""
+
+    preprocess: bool = True
+    """Remove voxels nearer to the shape than theta_d (3.3)."""
+    points_per_voxel: PositiveInt = 4
+    """Surface samples a kept voxel."""
+
+
+class Abstract(Group):
+    """From predicted cuboids to the written abstraction."""
+
+    negatives: bool = True
+    """Crop with negatives at all."""
+    postprocess: bool = True
+    """Shrink, grow, discard and suppress negatives (3.3)."""
+    iterations: PositiveInt = 3
+    """Refinement iterations at inference."""
+    max_overlap: Share = 0.02
+    """Share of a negative's volume that may lie in the shape."""
+    max_gap: PositiveFloat = 0.5
+    """Largest gap between a negative and the shape, in voxels of the 32^3 grid."""
+    suppression: Share = 0.6
+    """Of two negatives, drop the lesser when more than this share of either lies in the other."""
+    min_side: PositiveFloat = 2e-3
+    """Cuboids with a shorter side are dropped before cropping."""
+    debris: Share = 0.01
+    """Pieces below this share of the total surface area are dropped."""
+    jitter: PositiveFloat = 1e-4
+    """Random change of each cuboid when a crop fails its check and is made again."""
+    metric_samples: PositiveInt = 10_000
+    """Surface samples a side for the Chamfer distances."""
+    write_json: bool = True
+    """Write abstraction.json for each model."""
+    write_glb: bool = True
+    """Write abstraction.glb for each model."""
+
+
+class Runtime(Group):
+    """Where and how fast; never changes a result."""
+
+    actors: PositiveInt | None = None
+    """Ray actors for the sharded stages; one a CPU when left out."""
+    threads: PositiveInt = 1
+    """Native threads in each process."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where networks run: a GPU when there is one (`auto`)."""
+    deadline: PositiveFloat = 120.0
+    """Seconds a model may take in a stage before it is given up."""
+    memory: PositiveInt = 4 * 2**30
+    """Bytes a model's processing may allocate beyond the worker's own."""
+    max_failed: Annotated[float, Field(ge=0, le=100)] = 5.0
+    """Per cent of the models that may fall out in a stage."""
+
+
+class Report(Group):
+    """The tables and the page."""
+
+    pictures: int = Field(default=6, ge=0)
+    """Models pictured a category, from best to worst IoU."""
+    split: Literal["test", "val", "train", "all"] = "test"
+    """Models that the tables cover."""
+
+
+class Settings(Group):
+    """A job: one dataset, one run folder, and everything between."""
+
+    dataset: Dataset
+    out: Path
+    """The run folder."""
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    """All random numbers come from it and the models' ids."""
+    preset: Literal["best", "paper"] = "best"
+    """`paper` takes the paper's numbers and nothing beyond them; `best` what measured best."""
+    weights: Path | None = None
+    """Folder with trained weights to use instead of training."""
+    ingest: Ingest = Ingest()
+    network: Network = Network()
+    training: Training = Training()
+    difference: Difference = Difference()
+    abstract: Abstract = Abstract()
+    runtime: Runtime = Runtime()
+    report: Report = Report()
+    variants: dict[str, dict[str, Any]] = Field(default_factory=lambda: {"main": {}})
+    """Named sets of dotted keys that replace settings for everything from training on."""
