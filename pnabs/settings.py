@@ -235,5 +235,5 @@ class Settings(Group):
     abstract: Abstract = Abstract()
     runtime: Runtime = Runtime()
     report: Report = Report()
-    variants: dict[str, dict[str, Any]] = Field(default_factory=lambda: {"main": {}})
+    variants: dict[str, dict[str, Any]] = {"main": {}}  # noqa: RUF012 (pydantic copies defaults)
     """Named sets of dotted keys that replace settings for everything from training on."""

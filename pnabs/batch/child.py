@@ -1,0 +1,168 @@
+"""A child process that runs one model at a time, so that a crash is that model's alone.
+
+The worker keeps one child from a fork server that has the heavy modules imported;
+after a crash, a hang past the deadline or a breach of the memory limit a new child
+is there within milliseconds, and the shard's finished models are untouched.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import multiprocessing
+import multiprocessing.connection
+import os
+import re
+import resource
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from pnabs.batch.work import InvalidInput, Outcome, WorkerLimits
+
+
+class IsolatedChild:
+    """Runs a task on payloads in a child process with a deadline and a memory limit.
+
+    Parameters
+    ----------
+    task
+        Picklable function of one payload.
+    limits
+        Deadline in seconds and bytes a model.
+    preload
+        Modules that the fork server imports once for all children.
+    """
+
+    def __init__(
+        self, task: Callable[[Any], Any], limits: WorkerLimits, preload: tuple[str, ...]
+    ) -> None:
+        self._task = task
+        self._limits = limits
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(list(preload))
+        self._process: Any = None
+        self._connection: multiprocessing.connection.Connection | None = None
+        # The child's last words: which line hung or crashed.
+        descriptor, name = tempfile.mkstemp(prefix="pnabs-stack-")
+        os.close(descriptor)
+        self._stack = Path(name)
+
+    def run(self, model_id: str, payload: Any) -> Outcome:
+        """One model's outcome; never raises for what the task does."""
+        connection = self._connection or self._start()
+        try:
+            connection.send(payload)
+            if not connection.poll(self._limits.deadline):
+                stack = self._end()
+                reason = f"no result within {self._limits.deadline:g} s"
+                return Outcome(model_id, "timeout", reason=reason, traceback=stack)
+            kind, value, reason, trace = connection.recv()
+        except (EOFError, ConnectionError):
+            process = self._process
+            process.join()
+            code = process.exitcode
+            stack = self._end()
+            return Outcome(model_id, "crash", reason=_exit_reason(code), traceback=stack)
+        return Outcome(model_id, kind, value=value, reason=reason, traceback=trace)
+
+    def restart(self) -> None:
+        """End the child; the next model gets a fresh one."""
+        self._end()
+
+    def close(self) -> None:
+        """End the child for good."""
+        self._end()
+        self._stack.unlink(missing_ok=True)
+
+    def _start(self) -> multiprocessing.connection.Connection:
+        ours, theirs = self._context.Pipe()
+        self._process = self._context.Process(
+            target=_serve,
+            args=(theirs, self._task, self._limits, self._stack),
+            daemon=True,
+        )
+        with _main_hidden():
+            self._process.start()
+        theirs.close()
+        self._connection = ours
+        return ours
+
+    def _end(self) -> str:
+        if self._process is None:
+            return ""
+        # The child's own timer wrote its stack before the deadline, so killing loses nothing.
+        self._process.kill()
+        self._process.join()
+        self._process.close()
+        if self._connection is not None:
+            self._connection.close()
+        self._process = self._connection = None
+        stack = self._stack.read_text(errors="replace")
+        self._stack.write_bytes(b"")
+        # Thread ids differ from run to run, and records must not.
+        return re.sub(r"0x[0-9a-f]{8,}", "0x…", stack)[-4000:]
+
+
+def _serve(
+    connection: multiprocessing.connection.Connection,
+    task: Callable[[Any], Any],
+    limits: WorkerLimits,
+    stack: Path,
+) -> None:
+    # Ctrl-C goes to the whole process group; the driver decides what ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    words = stack.open("ab", buffering=0)
+    faulthandler.enable(words)
+    limit = _address_space() + limits.memory
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    while True:
+        try:
+            payload = connection.recv()
+        except EOFError:
+            return
+        faulthandler.dump_traceback_later(max(limits.deadline * 0.95, 0.1), file=words)
+        connection.send(_attempt(task, payload))
+        faulthandler.cancel_dump_traceback_later()
+
+
+def _attempt(task: Callable[[Any], Any], payload: Any) -> tuple[str, Any, str, str]:
+    try:
+        return "ok", task(payload), "", ""
+    except InvalidInput as error:
+        return "invalid", None, str(error), ""
+    except MemoryError as error:
+        return "memory", None, f"out of its memory limit: {error}", traceback.format_exc()
+    except Exception as error:
+        return "error", None, f"{type(error).__name__}: {error}", traceback.format_exc()
+
+
+def _address_space() -> int:
+    with open("/proc/self/statm") as stream:
+        return int(stream.read().split()[0]) * resource.getpagesize()
+
+
+def _exit_reason(code: int | None) -> str:
+    if code is not None and code < 0:
+        with contextlib.suppress(ValueError):
+            return f"the process died of {signal.Signals(-code).name}"
+    return f"the process ended with exit code {code}"
+
+
+@contextlib.contextmanager
+def _main_hidden() -> Iterator[None]:
+    # A new child would import the parent's main script again, half a second each time.
+    main = sys.modules["__main__"]
+    hidden = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
+    spec = getattr(main, "__spec__", None)
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        main.__dict__.update(hidden)
+        main.__spec__ = spec

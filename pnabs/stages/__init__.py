@@ -1,0 +1,1 @@
+"""The recipe of each stage, and the run that strings them together."""

@@ -1,0 +1,181 @@
+"""Job files: YAML to settings, with errors that name the key and the line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from pnabs.settings import Settings
+
+PAPER: dict[str, Any] = {
+    "network": {"channels": [4, 8, 16, 32, 64], "hidden": 64},
+    "training": {
+        "schedule": "constant",
+        "mirror_augment": False,
+        "losses": {"occupancy": 0.0},
+    },
+}
+"""`preset: paper`: where our defaults go beyond the paper's numbers."""
+
+PRESETS: dict[str, dict[str, Any]] = {"best": {}, "paper": PAPER}
+
+
+class JobError(Exception):
+    """A job file or an override that can't be used; names the key and, in a file, the line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A job's settings, where each came from, and the file they were read from."""
+
+    settings: Settings
+    origins: dict[str, str]
+    path: Path
+
+    def variant(self, name: str) -> Settings:
+        """The settings of one variant.
+
+        Raises
+        ------
+        JobError
+            When the variant's overrides are wrong.
+        """
+        tree = self.settings.model_dump(mode="json", exclude={"variants"})
+        for key, value in self.settings.variants[name].items():
+            if key.partition(".")[0] in ("dataset", "ingest", "out", "seed", "preset", "runtime"):
+                raise JobError(
+                    f"variants.{name}.{key}: variants share dataset, ingest, seed and runtime; "
+                    "only settings from training on may differ"
+                )
+            _assign(tree, key, value)
+        return _validate(tree, {}, f"variants.{name}: ")
+
+
+def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Job:
+    """Read a job file and apply `--set key=value` overrides.
+
+    Raises
+    ------
+    JobError
+        When the file can't be read, isn't YAML, or a key or value is wrong.
+    """
+    try:
+        text = path.read_text()
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        tree = yaml.safe_load(text)
+    except OSError as error:
+        raise JobError(f"can't read the job file {path}: {error.strerror or error}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise JobError(f"{path} is not valid YAML: {error}") from None
+    if not isinstance(tree, dict):
+        raise JobError(f"{path}: a job file is a mapping with at least `dataset` and `out`")
+    lines = dict(_lines(node, ()))
+    where = {key: f"{path}, line {line}" for key, line in lines.items()}
+    origins = {key: f"{path}:{lines[tuple(key.split('.'))]}" for key in _leaves(tree)}
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not equals or not key:
+            raise JobError(f"--set {override}: write it as key=value, such as training.epochs=50")
+        try:
+            parsed = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise JobError(f"--set {override}: the value is not valid YAML: {error}") from None
+        _assign(tree, key, parsed)
+        where[tuple(key.split("."))] = f"--set {override}"
+        origins[key] = "--set"
+    if out is not None:
+        tree["out"] = str(out)
+        origins["out"] = "--out"
+    preset = tree.get("preset", "best")
+    if isinstance(preset, str) and preset in PRESETS:
+        origins.update(dict.fromkeys(set(_leaves(PRESETS[preset])) - set(origins), "preset"))
+        tree = _merge(PRESETS[preset], tree)
+    settings = _validate(tree, where, f"{path}: ")
+    settings = settings.model_copy(update={"out": settings.out.absolute()})
+    job = Job(settings, origins, path)
+    if not settings.variants or "main" not in settings.variants:
+        raise JobError(f"{path}: variants must have one named `main`")
+    for name in settings.variants:
+        if not name.replace("-", "").replace("_", "").isalnum():
+            raise JobError(f"{path}: variant {name!r}: use letters, digits, - and _")
+        job.variant(name)
+    return job
+
+
+def _validate(
+    tree: dict[str, Any], where: Mapping[tuple[str, ...], str], fallback: str
+) -> Settings:
+    try:
+        return Settings.model_validate(tree)
+    except ValidationError as error:
+        raise JobError(
+            "\n".join(_explain(item, where, fallback) for item in error.errors())
+        ) from None
+
+
+def _explain(item: Any, where: Mapping[tuple[str, ...], str], fallback: str) -> str:
+    location = tuple(str(part) for part in item["loc"])
+    known = next((location[:n] for n in range(len(location), 0, -1) if location[:n] in where), None)
+    place = f"{where[known]}: " if known else fallback
+    key = ".".join(location)
+    if item["type"] == "extra_forbidden":
+        parent = _group(location[:-1])
+        near = difflib.get_close_matches(location[-1], parent, n=1)
+        hint = f"; did you mean {near[0]}?" if near else f"; known here: {', '.join(parent)}"
+        return f"{place}unknown key {key}{hint}"
+    if item["type"] == "missing":
+        return f"{place}{key} is missing"
+    return f"{place}{key}: {item['msg']} (got {item['input']!r})"
+
+
+def _group(location: tuple[str, ...]) -> list[str]:
+    model: type[BaseModel] = Settings
+    for part in location:
+        annotation = model.model_fields[part].annotation if part in model.model_fields else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        model = annotation
+    return list(model.model_fields)
+
+
+def _lines(
+    node: yaml.Node | None, prefix: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], int]]:
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            here = (*prefix, str(key.value))
+            yield here, key.start_mark.line + 1
+            yield from _lines(value, here)
+
+
+def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    for key, value in tree.items():
+        if isinstance(value, dict) and value and not prefix.startswith("variants"):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"
+
+
+def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(below)
+    for key, value in above.items():
+        if isinstance(value, dict) and isinstance(out.get(key), dict):
+            out[key] = _merge(out[key], value)
+        else:
+            out[key] = value
+    return out
+
+
+def _assign(tree: dict[str, Any], key: str, value: Any) -> None:
+    *parents, last = key.split(".")
+    for part in parents:
+        child = tree.get(part)
+        tree[part] = child = dict(child) if isinstance(child, dict) else {}
+        tree = child
+    tree[last] = value

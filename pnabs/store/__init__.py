@@ -1,0 +1,1 @@
+"""The run folder: Zarr arrays, the ledger, abstractions, metrics, events."""

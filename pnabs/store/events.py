@@ -1,0 +1,55 @@
+"""What happened when: durations, memory, hosts.  Nothing else holds times."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+
+class EventLog:
+    """Appends events to RUN/events/<writer>/<n>.jsonl; one writer a file.
+
+    Parameters
+    ----------
+    writer
+        Who writes: `driver`, `ingest`, `train-positive-initial`, ...
+    """
+
+    def __init__(self, run: Path, writer: str) -> None:
+        folder = run / "events" / writer
+        folder.mkdir(parents=True, exist_ok=True)
+        number = len(list(folder.glob("*.jsonl")))
+        while True:
+            try:
+                self.path = folder / f"{number:05d}.jsonl"
+                self._descriptor = os.open(
+                    self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_APPEND, 0o644
+                )
+                break
+            except FileExistsError:
+                number += 1
+        self._common = {"host": socket.gethostname(), "pid": os.getpid()}
+
+    def __call__(self, event: str, **values: Any) -> None:
+        """Append one event; a line is written whole."""
+        line = {"time": round(time.time(), 3), "event": event, **self._common, **values}
+        os.write(self._descriptor, json.dumps(line, ensure_ascii=False).encode() + b"\n")
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._descriptor)
+
+
+def read_events(run: Path, writer: str = "*") -> Iterator[dict[str, Any]]:
+    """Events of a writer, or of all, file by file; a torn last line is passed over."""
+    for path in sorted((run / "events").glob(f"{writer}/*.jsonl")):
+        for line in path.read_text().splitlines():
+            try:
+                yield json.loads(line)
+            except ValueError:
+                continue

@@ -1,0 +1,53 @@
+"""Per-shard metrics: one row a model, parquet; a variant loads as one table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pnabs.store.atomic import file_digest, write_atomic
+
+FLOATS = (
+    *("iou_32", "iou_64", "iou_mesh_64", "iou_32_positives", "iou_64_positives"),
+    *("cd_l1", "cd_l2", "cd_surface"),
+    *("cd_l1_positives", "cd_l2_positives", "cd_surface_positives"),
+    *("cd_l1_floor", "cd_l2_floor", "open_space", "open_space_positives"),
+)
+COUNTS = (
+    *("positives", "negatives_predicted", "negatives_kept", "shrunk", "grown"),
+    *("discarded_deep", "discarded_overlap", "discarded_gap", "discarded_idle", "suppressed"),
+    *("pieces", "pieces_dropped", "faces", "jitter_attempt"),
+)
+SCHEMA = pa.schema(
+    [
+        pa.field("category", pa.string(), nullable=False),
+        pa.field("model_id", pa.string(), nullable=False),
+        pa.field("split", pa.string(), nullable=False),
+        pa.field("status", pa.string(), nullable=False),
+        *(pa.field(name, pa.float64()) for name in FLOATS),
+        *(pa.field(name, pa.int32()) for name in COUNTS),
+        pa.field("check_ok", pa.bool_()),
+        pa.field("positive_cuboids", pa.list_(pa.list_(pa.float32(), 10))),
+        pa.field("negative_cuboids", pa.list_(pa.list_(pa.float32(), 10))),
+    ]
+)
+
+
+def write_metrics(run: Path, path: Path, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Write one shard's rows; absent values are null.  Returns path -> size and digest."""
+    table = pa.Table.from_pylist(list(rows), schema=SCHEMA)
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    write_atomic(path, sink.getvalue().to_pybytes())
+    return {path.relative_to(run).as_posix(): file_digest(path)}
+
+
+def read_metrics(paths: Sequence[Path]) -> pa.Table:
+    """The rows of many shards as one table, in the order of the paths."""
+    if not paths:
+        return SCHEMA.empty_table()
+    return pa.concat_tables([pq.read_table(path, schema=SCHEMA) for path in paths])

@@ -1,0 +1,184 @@
+"""The run folder's paths, its identity (run.json) and the arrays it holds."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import platform
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pnabs import settings
+from pnabs.store.arrays import ArraySpec, CategoryArrays
+from pnabs.store.atomic import pretty_json, write_atomic
+from pnabs.store.ledger import Ledger
+
+VERSION = 1
+LIBRARIES = (
+    *("pnabs", "torch", "ray", "trimesh", "manifold3d", "pymeshlab", "zarr"),
+    *("numpy", "scipy", "numba", "libigl", "pyarrow"),
+)
+
+
+class RunFolderError(Exception):
+    """The folder isn't a run of this version; names the file and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """Paths of one variant: everything from training on."""
+
+    run: Path
+    name: str
+
+    @property
+    def root(self) -> Path:
+        """RUN/variants/<name>."""
+        return self.run / "variants" / self.name
+
+    @property
+    def differences(self) -> Path:
+        """The store of difference volumes."""
+        return self.root / "differences.zarr"
+
+    def checkpoints(self, phase: str) -> Path:
+        """Checkpoints of one phase, such as `positive-initial`."""
+        return self.root / "checkpoints" / phase
+
+    def abstraction(self, category: str, model_id: str) -> Path:
+        """Folder of one model's abstraction."""
+        return self.root / "abstractions" / category / model_id
+
+    def metrics(self, shard: str) -> Path:
+        """Metrics of one shard, a parquet file."""
+        return self.root / "metrics" / f"{shard}.parquet"
+
+    def stage(self, stage: str) -> str:
+        """Name of a stage's records: the stage, `stage@variant` outside `main`."""
+        return stage if self.name == "main" else f"{stage}@{self.name}"
+
+
+class RunFolder:
+    """One run: RUN/run.json, catalogue.parquet, fields.zarr, variants, ledger, report."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.ledger = Ledger(root)
+
+    @property
+    def catalogue(self) -> Path:
+        """RUN/catalogue.parquet."""
+        return self.root / "catalogue.parquet"
+
+    @property
+    def report(self) -> Path:
+        """RUN/report."""
+        return self.root / "report"
+
+    def variant(self, name: str) -> Variant:
+        """The paths of a variant."""
+        return Variant(self.root, name)
+
+    def fields(self, job: settings.Settings) -> CategoryArrays:
+        """The store of every model's fields."""
+        ingest = job.ingest
+        specs = (
+            ArraySpec("valid", (), "u1"),
+            ArraySpec("occupancy", (32, 32, 32), "u1"),
+            ArraySpec("occupancy_64", (64**3 // 8,), "u1"),
+            ArraySpec("sdf", (32, 32, 32), "f4"),
+            ArraySpec("surface", (ingest.surface_points, 6), "f4"),
+            ArraySpec("interior", (ingest.interior_points, 3), "f4"),
+            ArraySpec("transform", (4, 4), "f8"),
+            ArraySpec("mirror", (), "i1"),
+            ArraySpec("preview", (ingest.preview_faces, 3, 3), "f2"),
+        )
+        store = self.root / "fields.zarr"
+        return CategoryArrays(store, self.root, specs, job.dataset.shard_size)
+
+    def differences(self, variant: Variant, job: settings.Settings) -> CategoryArrays:
+        """The store of a variant's difference volumes; `valid` is 0 where V_delta is empty."""
+        samples = job.ingest.interior_points
+        specs = (
+            ArraySpec("valid", (), "u1"),
+            ArraySpec("occupancy", (32, 32, 32), "u1"),
+            ArraySpec("sdf", (32, 32, 32), "f4"),
+            ArraySpec("surface", (samples, 3), "f4"),
+            ArraySpec("interior", (samples, 3), "f4"),
+        )
+        return CategoryArrays(variant.differences, self.root, specs, job.dataset.shard_size)
+
+    def read_identity(self) -> dict[str, Any] | None:
+        """run.json, or None for a new folder.
+
+        Raises
+        ------
+        RunFolderError
+            When the folder holds something else, or a run of another version.
+        """
+        path = self.root / "run.json"
+        try:
+            value = json.loads(path.read_bytes())
+        except FileNotFoundError:
+            if self.root.is_dir() and any(p.name != "lock" for p in self.root.iterdir()):
+                raise RunFolderError(
+                    f"{self.root} is neither empty nor a run folder (no run.json); "
+                    "give another folder with --out"
+                ) from None
+            return None
+        except ValueError as error:
+            raise RunFolderError(f"{path} is damaged ({error}); restore it or start anew") from None
+        if not isinstance(value, dict) or value.get("format") != "pnabs/run":
+            raise RunFolderError(f"{path} is not a pnabs run")
+        if value.get("version") != VERSION:
+            raise RunFolderError(
+                f"{path} has version {value.get('version')}, this pnabs reads {VERSION}"
+            )
+        return value
+
+    def write_identity(
+        self, job: settings.Settings, origins: dict[str, str], dataset_fingerprint: str
+    ) -> None:
+        """Write run.json: settings and where each came from, versions, dataset."""
+        value = {
+            "format": "pnabs/run",
+            "version": VERSION,
+            "settings": job.model_dump(mode="json"),
+            "origins": origins,
+            "seed": job.seed,
+            "versions": versions(),
+            "git_commit": _git_commit(),
+            "dataset_fingerprint": dataset_fingerprint,
+        }
+        write_atomic(self.root / "run.json", pretty_json(value))
+
+
+def versions() -> dict[str, str]:
+    """Versions of pnabs, Python and the libraries that results depend on."""
+    out = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in LIBRARIES:
+        try:
+            out[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            out[name] = "not installed as a package"
+    return out
+
+
+def _git_commit() -> str | None:
+    # A checkout has a commit worth telling; an installed package has its version.
+    source = Path(__file__).resolve().parents[2]
+    if not (source / ".git").exists():
+        return None
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(source), "rev-parse", "HEAD"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()

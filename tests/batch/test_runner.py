@@ -1,0 +1,73 @@
+"""The shard runner without Ray: verdicts, one solitary retry, innocent neighbours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pnabs.batch import InlineExecutor, ShardDone, ShardFailed, WorkerLimits
+from tests.batch.tasks import ScriptedWork
+
+LIMITS = WorkerLimits(deadline=3.0, memory=2**30)
+
+
+def run(folder: Path, shards: dict[str, dict[str, str]]) -> dict[str, ShardDone]:
+    work = ScriptedWork(str(folder), shards)
+    results = list(InlineExecutor(LIMITS).map(work, list(shards)))
+    assert all(isinstance(result, ShardDone) for result in results), results
+    return {result.shard: result for result in results if isinstance(result, ShardDone)}
+
+
+def test_each_fault_is_charged_to_its_model_alone(tmp_path: Path) -> None:
+    scripts = {
+        "a": "ok",
+        "b": "crash",
+        "c": "abort",
+        "d": "exit",
+        "e": "hang",
+        "f": "raise",
+        "g": "invalid",
+        "h": "memory",
+        "i": "ok",
+    }
+    outcomes = {o.model_id: o for o in run(tmp_path, {"s": scripts})["s"].outcomes}
+    kinds = {model_id: outcome.kind for model_id, outcome in outcomes.items()}
+    assert kinds == {
+        "a": "ok",
+        "b": "crash",
+        "c": "crash",
+        "d": "crash",
+        "e": "timeout",
+        "f": "error",
+        "g": "invalid",
+        "h": "memory",
+        "i": "ok",
+    }
+    assert "SIGSEGV" in outcomes["b"].reason
+    assert "SIGABRT" in outcomes["c"].reason
+    assert "exit code 7" in outcomes["d"].reason
+    assert "misbehave" in outcomes["b"].traceback
+    assert "misbehave" in outcomes["e"].traceback
+    assert "a bad model" in outcomes["f"].reason
+    assert (tmp_path / "s.txt").read_text() == "a done\ni done\n"
+    invocations = {model_id: (tmp_path / model_id).stat().st_size for model_id in scripts}
+    assert invocations == dict.fromkeys(scripts, 2) | {"a": 1, "g": 1, "i": 1}
+
+
+def test_a_second_chance_counts(tmp_path: Path) -> None:
+    done = run(tmp_path, {"s": {"a": "crash,ok", "b": "ok", "c": "hang,ok"}})["s"]
+    assert [(o.model_id, o.kind, o.attempts) for o in done.outcomes] == [
+        ("a", "ok", 2),
+        ("b", "ok", 1),
+        ("c", "ok", 2),
+    ]
+    assert (tmp_path / "s.txt").read_text() == "a done\nb done\nc done\n"
+
+
+def test_a_shard_that_cannot_be_written_fails_by_name(tmp_path: Path) -> None:
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "ok"}, "t": {"b": "ok"}})
+    (tmp_path / "s.txt").mkdir()
+    results = list(InlineExecutor(LIMITS).map(work, ["s", "t"]))
+    assert isinstance(results[0], ShardFailed)
+    assert results[0].shard == "s"
+    assert "IsADirectoryError" in results[0].reason
+    assert isinstance(results[1], ShardDone)
