@@ -203,6 +203,8 @@ class Runtime(Group):
     """Seconds a model may take in a stage before it is given up."""
     memory: PositiveInt = 4 * 2**30
     """Bytes a model's processing may allocate beyond the worker's own."""
+    checkpoint_epochs: PositiveInt = 10
+    """Epochs between a phase's checkpoints."""
     max_failed: Annotated[float, Field(ge=0, le=100)] = 5.0
     """Per cent of the models that may fall out in a stage."""
 

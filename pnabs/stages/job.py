@@ -38,6 +38,11 @@ class Job:
     origins: dict[str, str]
     path: Path
 
+    def variants(self) -> dict[str, Settings]:
+        """The settings of every variant, `main` first."""
+        names = ["main", *(name for name in self.settings.variants if name != "main")]
+        return {name: self.variant(name) for name in names}
+
     def variant(self, name: str) -> Settings:
         """The settings of one variant.
 
@@ -97,15 +102,30 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         origins.update(dict.fromkeys(set(_leaves(PRESETS[preset])) - set(origins), "preset"))
         tree = _merge(PRESETS[preset], tree)
     settings = _validate(tree, where, f"{path}: ")
-    settings = settings.model_copy(update={"out": settings.out.absolute()})
+    settings = _absolute(settings)
     job = Job(settings, origins, path)
     if not settings.variants or "main" not in settings.variants:
         raise JobError(f"{path}: variants must have one named `main`")
     for name in settings.variants:
         if not name.replace("-", "").replace("_", "").isalnum():
             raise JobError(f"{path}: variant {name!r}: use letters, digits, - and _")
-        job.variant(name)
+    job.variants()
     return job
+
+
+def _absolute(settings: Settings) -> Settings:
+    """Workers run elsewhere: paths are made absolute where the job is read."""
+    dataset = settings.dataset
+    paths: dict[str, Any] = {"root": dataset.root.absolute()}
+    if isinstance(dataset.split, Path):
+        paths["split"] = dataset.split.absolute()
+    return settings.model_copy(
+        update={
+            "out": settings.out.absolute(),
+            "weights": settings.weights.absolute() if settings.weights else None,
+            "dataset": dataset.model_copy(update=paths),
+        }
+    )
 
 
 def _validate(

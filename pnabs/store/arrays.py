@@ -67,15 +67,16 @@ class CategoryArrays:
         inner = INNER_CHUNK if self.shard_size % INNER_CHUNK == 0 else self.shard_size
         for spec in self.specs:
             shape = (rows, *spec.shape)
-            if spec.name in group:
-                array = group[spec.name]
-                assert isinstance(array, zarr.Array)
+            array = group.get(spec.name)
+            if isinstance(array, zarr.Array) and array.shape[1:] == spec.shape:
                 if array.shape[0] < rows:
                     array.resize(shape)
                 continue
+            # Absent, or of a shape that changed settings made another.
             width = np.dtype(spec.dtype).itemsize
             group.create_array(
                 spec.name,
+                overwrite=True,
                 shape=shape,
                 dtype=spec.dtype,
                 chunks=(inner, *spec.shape),

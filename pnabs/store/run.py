@@ -139,9 +139,15 @@ class RunFolder:
         return value
 
     def write_identity(
-        self, job: settings.Settings, origins: dict[str, str], dataset_fingerprint: str
+        self,
+        job: settings.Settings,
+        *,
+        origins: dict[str, str],
+        stage_versions: dict[str, int],
+        dataset_fingerprint: str,
+        command: str,
     ) -> None:
-        """Write run.json: settings and where each came from, versions, dataset."""
+        """Write run.json: settings and where each came from, versions, dataset, command."""
         value = {
             "format": "pnabs/run",
             "version": VERSION,
@@ -149,6 +155,8 @@ class RunFolder:
             "origins": origins,
             "seed": job.seed,
             "versions": versions(),
+            "stage_versions": stage_versions,
+            "command": command,
             "git_commit": _git_commit(),
             "dataset_fingerprint": dataset_fingerprint,
         }

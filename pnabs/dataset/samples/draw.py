@@ -46,6 +46,7 @@ class Draw:
     def __init__(self, seed: int, category: str, index: int) -> None:
         self.seed, self.category, self.index = seed, category, index
         self.rng = _generator("model", seed, category, index)
+        self._turn = 0
 
     def cycle(self, factor: str, options: Sequence[T]) -> T:
         """An option that comes round evenly: n models in a row hold each of n options once.
@@ -58,6 +59,16 @@ class Draw:
             len(options)
         )
         return options[int(order[place])]
+
+    def kind(self, options: Sequence[T]) -> T:
+        """What sort of model this is, as `cycle`; `variant` then goes by the round."""
+        self._turn = self.index // len(options)
+        return self.cycle("kind", options)
+
+    def variant(self, factor: str, options: Sequence[T]) -> T:
+        """An option that differs each time the category's kinds have come round once."""
+        order = _generator("variant", self.seed, self.category, factor).permutation(len(options))
+        return options[int(order[self._turn % len(options)])]
 
     def between(self, low: float, high: float) -> float:
         """A number from [low, high)."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pnabs.dataset.samples.parts import Part
-from pnabs.dataset.samples.solids import Span, lathe, loft
+from pnabs.dataset.samples.parts import Part, outward
+from pnabs.dataset.samples.solids import Span, circle, lathe, loft
 
 Hole = tuple[float, float, float, float]
 """A rectangular opening: from and to in the first direction, from and to in the second."""
@@ -22,6 +22,16 @@ def sheet(name: str, *corners: ArrayLike) -> Part:
 def strip(name: str, edges: ArrayLike) -> Part:
     """A sheet between lines of as many points, (K, N, 3)."""
     return loft(name, edges, capped=False, closed=False)
+
+
+def _cuts(bounds: Span, places: Sequence[float]) -> list[float]:
+    """Both bounds and the places between them, in order and none next to another."""
+    cuts = [bounds[0]]
+    for place in sorted(places):
+        # Sums that ought to be equal differ in their last bits and would give slivers.
+        if cuts[-1] + 1e-6 < place < bounds[1] - 1e-6:
+            cuts.append(place)
+    return [*cuts, bounds[1]]
 
 
 def panel(
@@ -43,11 +53,8 @@ def panel(
     ValueError
         If the holes leave nothing.
     """
-    cuts = []
-    for bounds, ends in ((first, (0, 1)), (second, (2, 3))):
-        inner = {hole[end] for hole in holes for end in ends}
-        cuts.append(sorted({*bounds, *(cut for cut in inner if bounds[0] < cut < bounds[1])}))
-    us, vs = cuts
+    us = _cuts(first, [hole[end] for hole in holes for end in (0, 1)])
+    vs = _cuts(second, [hole[end] for hole in holes for end in (2, 3)])
     filled = np.ones((len(us) + 1, len(vs) + 1), dtype=bool)
     filled[0] = filled[-1] = filled[:, 0] = filled[:, -1] = False
     middle_u = (np.array(us[:-1]) + us[1:]) / 2
@@ -79,11 +86,27 @@ def panel(
     vertices = np.zeros((len(index), 3))
     along = [other for other in range(3) if other != axis]
     for (i, j, side), place in index.items():
-        vertices[place, axis] = span[side]
+        vertices[place, axis] = sorted(span)[side]
         vertices[place, along] = us[i], vs[j]
     # Rising order of the other axes is left-handed about y.
     made = tuple(faces) if axis != 1 else tuple(tuple(reversed(face)) for face in faces)
     return Part(name, vertices, made)
+
+
+def hoop(
+    name: str, profile: ArrayLike, sides: int = 20, centre: ArrayLike = (0, 0, 0)
+) -> Part:
+    """A closed outline of (radius, height), (N, 2), turned about the vertical: a ring."""
+    outline = np.asarray(profile, dtype=np.float64)
+    count = len(outline)
+    unit = circle(sides, 0.5)
+    rings = [np.stack([outline[:, 0] * c, outline[:, 1], outline[:, 0] * s], 1) for c, s in unit]
+    faces = [
+        (i * count + j, i * count + k, m * count + k, m * count + j)
+        for i, m in ((i, (i + 1) % sides) for i in range(sides))
+        for j, k in ((j, (j + 1) % count) for j in range(count))
+    ]
+    return outward(name, np.concatenate(rings) + np.asarray(centre, dtype=np.float64), faces)
 
 
 def shade(
@@ -100,16 +123,7 @@ def shade(
     With a thickness it is a closed wall, without one a single sheet.
     """
     low, high = span
-    profile = [(bottom, low), (top, high)]
-    phase = 0.5
     if thickness:
-        profile += [(top - thickness, high), (bottom - thickness, low), (bottom, low)]
-        wall = lathe(name, profile[:4], sides, centre, capped=False, phase=phase)
-        rim = tuple((3 * sides + i, 3 * sides + (i + 1) % sides, (i + 1) % sides, i)
-                    for i in range(sides))
-        first = wall.faces[0]
-        # The loft may have been turned about; the rim follows its direction.
-        ahead = first.index(1) - first.index(0) in (1, -3)
-        faces = rim if ahead else tuple(tuple(reversed(face)) for face in rim)
-        return wall._replace(faces=wall.faces + faces)
-    return lathe(name, profile, sides, centre, capped=False, phase=phase)
+        wall = [(bottom, low), (top, high), (top - thickness, high), (bottom - thickness, low)]
+        return hoop(name, wall, sides, centre)
+    return lathe(name, [(bottom, low), (top, high)], sides, centre, capped=False, phase=0.5)

@@ -89,7 +89,14 @@ def prism(name: str, axis: int, outline: ArrayLike, span: Span) -> Part:
     return outward(name, vertices, [*cap, *tops, *sides])
 
 
-def loft(name: str, rings: ArrayLike, *, capped: bool = True, closed: bool = True) -> Part:
+def loft(
+    name: str,
+    rings: ArrayLike,
+    *,
+    capped: bool = True,
+    closed: bool = True,
+    cap: Sequence[tuple[int, ...]] | None = None,
+) -> Part:
     """Quads between rings of as many points; a ring shrunk to a point becomes a pole.
 
     Parameters
@@ -99,6 +106,8 @@ def loft(name: str, rings: ArrayLike, *, capped: bool = True, closed: bool = Tru
         Whether the first and last ring are closed with an N-gon.
     closed
         Whether the last point of a ring joins the first.
+    cap
+        Polygons of a ring that close an end, where the N-gon would be concave.
     """
     stations = np.asarray(rings, dtype=np.float64)
     count = stations.shape[1]
@@ -117,11 +126,10 @@ def loft(name: str, rings: ArrayLike, *, capped: bool = True, closed: bool = Tru
             if len(quad) > 2:
                 faces.append(quad)
     if capped:
-        faces += [
-            face
-            for face in (tuple(reversed(indices[0])), tuple(indices[-1]))
-            if len(set(face)) > 2
-        ]
+        polygons = cap or [tuple(range(count))]
+        for ring, step in ((indices[0], -1), (indices[-1], 1)):
+            if ring[0] != ring[1]:
+                faces += [tuple(ring[i] for i in polygon[::step]) for polygon in polygons]
     return outward(name, np.array(vertices), faces)
 
 
@@ -173,13 +181,21 @@ def tube(
     tangents = np.concatenate([steps[:1], steps[:-1] + steps[1:], steps[-1:]])
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     normal = np.array([0.0, 1.0, 0.0] if abs(tangents[0, 1]) < 0.9 else [0.0, 0.0, 1.0])
+    normal -= tangents[0] * float(normal @ tangents[0])
+    last = tangents[0]
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (len(points),))
     unit = circle(sides, 0.5)
     rings = []
     for point, tangent, reach in zip(points, tangents, radii, strict=True):
-        # Carrying the frame along keeps the cross-section from twisting.
-        normal = normal - tangent * float(normal @ tangent)
+        # The smallest turn from one tangent to the next keeps the tube from twisting.
+        turn = np.cross(last, tangent)
+        normal = (
+            normal * float(last @ tangent)
+            + np.cross(turn, normal)
+            + turn * (float(turn @ normal) / (1 + float(last @ tangent)))
+        )
         normal /= np.linalg.norm(normal)
+        last = tangent
         side = np.cross(tangent, normal)
         rings.append(
             point + reach * (unit[:, :1] * normal + unit[:, 1:] * side * squash)

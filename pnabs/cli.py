@@ -1,0 +1,243 @@
+"""The command line: click commands, nothing else."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NoReturn
+
+import click
+
+import pnabs
+
+STAGES = (
+    *("scan", "ingest", "train-positive", "difference"),
+    *("train-negative", "abstract", "report"),
+)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(pnabs.__version__, prog_name="pnabs")
+def main() -> None:
+    """Abstract collections of 3D meshes: positive cuboids, cropped by negative ones.
+
+    A job file names a dataset and settings; `pnabs run` does what is missing of it, on this
+    machine or on a Ray cluster, and can be stopped and run again at any time.
+
+    Exit codes: 0 done, 1 internal error, 2 wrong usage or job file, 3 finished but too much
+    failed, 4 refused, 5 damage found, 130 and 143 interrupted.
+    """
+
+
+job_argument = click.argument("job", type=click.Path(dir_okay=False, path_type=Path))
+run_argument = click.argument("run", type=click.Path(file_okay=False, path_type=Path))
+run_options = [
+    click.option("--out", type=click.Path(path_type=Path), help="The run folder."),
+    click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Replace a setting."
+    ),
+    click.option("--stages", help=f"Only these, by comma: {', '.join(STAGES)}."),
+    click.option("--category", "categories", multiple=True, help="Only this category."),
+    click.option("--limit", type=click.IntRange(1), help="At most so many models a category."),
+    click.option(
+        "--max-failed",
+        type=click.FloatRange(0, 100),
+        help="Per cent of the models that may fall out of a stage [5].",
+    ),
+    click.option("--accept-changes", is_flag=True, help="Redo what changed, and just that."),
+]
+
+
+def _with_run_options(command: click.decorators.FC) -> click.decorators.FC:
+    for option in reversed(run_options):
+        command = option(command)
+    return command
+
+
+@main.command()
+@job_argument
+@_with_run_options
+@click.option("--address", help="A Ray cluster's address; started here when left out.")
+@click.option("--dry-run", is_flag=True, help="Say what would be done, and do nothing.")
+def run(
+    job: Path,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    stages: str | None,
+    categories: tuple[str, ...],
+    limit: int | None,
+    max_failed: float | None,
+    accept_changes: bool,
+    address: str | None,
+    dry_run: bool,
+) -> None:
+    """Do what is missing of JOB, a job file; safe to run again at any time."""
+    from pnabs.stages.dry_run import dry_run as describe
+    from pnabs.stages.job import load_job
+    from pnabs.stages.progress import Reporter
+    from pnabs.stages.run import Options, run_job
+
+    reporter = Reporter()
+    with _errors():
+        loaded = load_job(job, _overrides(overrides, limit), out)
+        options = Options(
+            address=address,
+            stages=_stages(stages),
+            categories=categories,
+            max_failed=max_failed,
+            accept=accept_changes,
+            command=shlex.join(["pnabs", *sys.argv[1:]]),
+        )
+        if dry_run:
+            click.echo(describe(loaded, options, reporter), nl=False)
+            return
+        # Ray writes to stdout when workers die; stdout is for results alone.
+        with contextlib.redirect_stdout(sys.stderr):
+            result = run_job(loaded, options, reporter)
+    click.echo(result.tables, nl=False)
+    if result.page is not None:
+        click.echo(f"\nreport: {result.page}")
+    for problem in result.problems:
+        click.echo(problem, err=True)
+    sys.exit(result.exit_code)
+
+
+@main.command()
+@job_argument
+@_with_run_options
+@click.option("--address", required=True, help="The head's dashboard, http://HEAD:8265.")
+@click.option("--wait/--no-wait", default=True, help="Follow the job to its end [wait].")
+def submit(
+    job: Path,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    stages: str | None,
+    categories: tuple[str, ...],
+    limit: int | None,
+    max_failed: float | None,
+    accept_changes: bool,
+    address: str,
+    wait: bool,
+) -> None:
+    """Run JOB on a cluster, through Ray's Job API.
+
+    The dataset and the run folder must lie on storage that all nodes share.
+    """
+    from pnabs.stages.job import load_job
+    from pnabs.stages.submit import submit as send
+
+    with _errors():
+        loaded = load_job(job, _overrides(overrides, limit), out)
+        _stages(stages)
+        arguments = ["--stages", stages] if stages else []
+        for category in categories:
+            arguments += ["--category", category]
+        if max_failed is not None:
+            arguments += ["--max-failed", f"{max_failed:g}"]
+        if accept_changes:
+            arguments.append("--accept-changes")
+        code = send(loaded, address, arguments, wait=wait, log=sys.stderr)
+    sys.exit(code)
+
+
+@main.command()
+@run_argument
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def status(run: Path, as_json: bool) -> None:
+    """How far RUN is, from its files: works while the run goes on."""
+    from pnabs.stages.progress import Reporter
+    from pnabs.stages.status import render, stored_context
+    from pnabs.stages.status import status as read
+    from pnabs.store.run import RunFolder
+
+    with _errors():
+        found = read(stored_context(RunFolder(run), Reporter()))
+    if as_json:
+        click.echo(json.dumps([item.to_json() for item in found], indent=1))
+    else:
+        click.echo(render(found), nl=False)
+
+
+@main.command()
+@run_argument
+def report(run: Path) -> None:
+    """Tables and page of RUN again, from what is stored."""
+    from pnabs.stages import report as stage
+    from pnabs.stages.progress import Reporter
+    from pnabs.stages.status import stored_context
+    from pnabs.store.run import RunFolder
+
+    with _errors():
+        folder = RunFolder(run)
+        identity = folder.read_identity() or {}
+        tables = stage.run(stored_context(folder, Reporter()), identity.get("command", ""))
+    click.echo(tables, nl=False)
+    click.echo(f"\nreport: {folder.report / 'index.html'}")
+
+
+@main.command()
+@click.argument("directory", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--seed", default=0, show_default=True, help="Same seed, same bytes.")
+@click.option(
+    "--per-category", type=click.IntRange(1), default=30, show_default=True, help="Models each."
+)
+@click.option("--category", "categories", multiple=True, help="Only this category.")
+def samples(directory: Path, seed: int, per_category: int, categories: tuple[str, ...]) -> None:
+    """Write the embedded sample collection to DIRECTORY, in ShapeNetCore.v2's layout."""
+    from pnabs.dataset.samples import write_collection
+
+    with _errors():
+        paths = write_collection(
+            directory, seed=seed, per_category=per_category, categories=categories or None
+        )
+    click.echo(f"{len(paths)} models in {directory}", err=True)
+
+
+def _overrides(overrides: tuple[str, ...], limit: int | None) -> tuple[str, ...]:
+    return overrides if limit is None else (*overrides, f"dataset.limit={limit}")
+
+
+def _stages(text: str | None) -> tuple[str, ...]:
+    if text is None:
+        return ()
+    names = tuple(part.strip() for part in text.split(","))
+    for name in names:
+        if name not in STAGES:
+            import difflib
+
+            near = difflib.get_close_matches(name, STAGES, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(STAGES)}"
+            raise click.BadParameter(f"no stage {name!r}; {hint}", param_hint="--stages")
+    return names
+
+
+@contextlib.contextmanager
+def _errors() -> Iterator[None]:
+    """The known errors as messages with their exit codes; any other is a bug, exit code 1."""
+    from pnabs.dataset.errors import DatasetError
+    from pnabs.stages.errors import RunError
+    from pnabs.stages.job import JobError
+    from pnabs.store.ledger import LedgerError
+    from pnabs.store.run import RunFolderError
+
+    try:
+        yield
+    except (JobError, DatasetError) as error:
+        _fail(str(error), 2)
+    except RunError as error:
+        _fail(str(error), error.exit_code)
+    except (RunFolderError, LedgerError) as error:
+        _fail(str(error), 4)
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    click.echo(message, err=True)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,137 @@
+"""The result for one model: cuboids, and all that makes the mesh from them again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pnabs.geometry.check import CheckReport
+from pnabs.geometry.solidify import CropRecipe, SolidMesh, SolidResult, make_solid
+from pnabs.geometry.types import Cuboids, Float64, Mesh
+
+
+class FormatError(ValueError):
+    """A file is not what its format asks for; the message says where and why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Abstraction:
+    """A shape as positive cuboids cropped by negative ones.
+
+    Attributes
+    ----------
+    category, model_id : str
+    positives, negatives : Cuboids
+        In the normalised frame, as they are cropped.
+    transform : (4, 4) float64
+        Normalised frame -> the input's coordinates.
+    crop : dict
+        min_side, jitter, jitter_seed, jitter_attempt (`CropRecipe`).
+    debris : dict
+        threshold, and dropped: area, share and volume of each piece left out.
+    metrics : dict
+        What `pnabs.geometry.metrics.measure` finds, and counts.
+    check : dict
+        The findings of `pnabs.geometry.check.check` on the mesh.
+    provenance : dict
+        What made it: versions, settings, seed.
+    """
+
+    category: str
+    model_id: str
+    positives: Cuboids
+    negatives: Cuboids
+    transform: Float64
+    crop: dict[str, float | int]
+    debris: dict[str, Any]
+    metrics: dict[str, float | int] = field(default_factory=dict)
+    check: dict[str, bool | int] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def from_solid(
+        cls,
+        solid: SolidResult,
+        *,
+        category: str,
+        model_id: str,
+        positives: Cuboids,
+        negatives: Cuboids,
+        transform: Float64,
+        metrics: dict[str, float | int],
+        provenance: dict[str, Any],
+    ) -> Abstraction:
+        """The abstraction of cuboids that have been cropped; its mesh is not made again.
+
+        Parameters
+        ----------
+        solid : SolidResult
+            What `pnabs.geometry.solidify.solidify` made of the cuboids.
+        category, model_id, positives, negatives, transform, metrics, provenance
+            As the attributes.
+        """
+        report: CheckReport = solid.check
+        abstraction = cls(
+            category=category,
+            model_id=model_id,
+            positives=positives,
+            negatives=negatives,
+            transform=transform,
+            crop={
+                "min_side": solid.recipe.min_side,
+                "jitter": solid.recipe.jitter,
+                "jitter_seed": solid.recipe.jitter_seed,
+                "jitter_attempt": solid.recipe.jitter_attempt,
+            },
+            debris={"threshold": solid.recipe.debris, "dropped": solid.mesh.dropped},
+            metrics=metrics,
+            check=report.as_dict(),
+            provenance=provenance,
+        )
+        abstraction.__dict__["solid"] = solid.mesh
+        return abstraction
+
+    @cached_property
+    def solid(self) -> SolidMesh:
+        """The cropped mesh in the normalised frame, made again from the cuboids."""
+        recipe = CropRecipe(
+            min_side=float(self.crop["min_side"]),
+            jitter=float(self.crop["jitter"]),
+            jitter_seed=int(self.crop["jitter_seed"]),
+            jitter_attempt=int(self.crop["jitter_attempt"]),
+            debris=float(self.debris["threshold"]),
+        )
+        return make_solid(self.positives, self.negatives, recipe)
+
+    def mesh(self) -> Mesh:
+        """The closed mesh in the input's coordinates: `solid`, placed by `transform`."""
+        vertices = self.solid.vertices.astype(np.float64)
+        placed = vertices @ self.transform[:3, :3].T + self.transform[:3, 3]
+        return Mesh(placed, self.solid.faces.astype(np.int64))
+
+    def save(self, path: str | Path) -> None:
+        """Write it in the format that the file's suffix names.
+
+        Parameters
+        ----------
+        path : str or Path
+            Ends in one of `pnabs.formats.WRITERS`.
+
+        Raises
+        ------
+        ValueError
+            No format has this suffix.
+        """
+        # The writers take this class, so the registry can't be known before it.
+        from pnabs.formats import WRITERS
+
+        path = Path(path)
+        writer = WRITERS.get(path.suffix.lower())
+        if writer is None:
+            known = ", ".join(sorted(WRITERS))
+            raise ValueError(f"{path.name}: no format has this suffix; choose one of {known}")
+        path.write_bytes(writer(self))

@@ -1,0 +1,227 @@
+"""`abstraction.json`: the parametric result, public and versioned.
+
+Numbers read back exactly: cuboid parameters are the shortest decimals that give the same
+float32, all others the shortest that give the same float64.  Metrics that are not defined
+(the Chamfer distance of an empty result) are null.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, Literal, NoReturn
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, field_validator
+
+from pnabs.formats.abstraction import Abstraction, FormatError
+from pnabs.geometry.types import Cuboids, Float32
+
+FORMAT = "pnabs/abstraction"
+VERSION = 1
+
+_FLOAT32_MAX = float(np.finfo(np.float32).max)
+_Float32 = Annotated[FiniteFloat, Field(ge=-_FLOAT32_MAX, le=_FLOAT32_MAX)]
+_Side = Annotated[FiniteFloat, Field(ge=0, le=_FLOAT32_MAX)]
+_NonNegative = Annotated[FiniteFloat, Field(ge=0)]
+_Count = Annotated[int, Field(ge=0)]
+_Row = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class _Cuboid(_Strict):
+    scale: Annotated[list[_Side], Field(min_length=3, max_length=3)]
+    rotation: _Row
+    translation: Annotated[list[_Float32], Field(min_length=3, max_length=3)]
+
+    @field_validator("rotation")
+    @classmethod
+    def _unit(cls, rotation: list[float]) -> list[float]:
+        if abs(math.hypot(*rotation) - 1) > 1e-3:
+            raise ValueError("must be a unit quaternion [w, x, y, z]")
+        return rotation
+
+
+class _Crop(_Strict):
+    min_side: _NonNegative
+    jitter: _NonNegative
+    jitter_seed: _Count
+    jitter_attempt: _Count
+
+
+class _Piece(_Strict):
+    area: FiniteFloat
+    share: FiniteFloat
+    volume: FiniteFloat
+
+
+class _Debris(_Strict):
+    threshold: Annotated[float, Field(ge=0, le=1)]
+    dropped: list[_Piece]
+
+
+class _Document(_Strict):
+    format: Literal["pnabs/abstraction"]
+    version: Literal[1]
+    category: str
+    model_id: str
+    positives: list[_Cuboid]
+    negatives: list[_Cuboid]
+    transform: Annotated[list[_Row], Field(min_length=4, max_length=4)]
+    crop: _Crop
+    debris: _Debris
+    metrics: dict[str, int | FiniteFloat | None]
+    check: dict[str, bool | int]
+    provenance: dict[str, Any]
+
+    @field_validator("transform")
+    @classmethod
+    def _affine(cls, transform: list[list[float]]) -> list[list[float]]:
+        if transform[3] != [0, 0, 0, 1]:
+            raise ValueError("must be affine: its last row is [0, 0, 0, 1]")
+        return transform
+
+
+def to_json(abstraction: Abstraction) -> bytes:
+    """The abstraction as `abstraction.json`; the same abstraction gives the same bytes.
+
+    Parameters
+    ----------
+    abstraction : Abstraction
+
+    Returns
+    -------
+    bytes
+        ASCII, one line a key and a cuboid; keys below the first level are sorted.
+
+    Raises
+    ------
+    ValueError
+        A number outside the metrics is not finite.
+    """
+    lines = [
+        _line("format", FORMAT),
+        _line("version", VERSION),
+        _line("category", abstraction.category),
+        _line("model_id", abstraction.model_id),
+        _rows("positives", cuboid_records(abstraction.positives)),
+        _rows("negatives", cuboid_records(abstraction.negatives)),
+        _rows("transform", np.asarray(abstraction.transform, dtype=np.float64).tolist()),
+        _line("crop", abstraction.crop),
+        _line("debris", abstraction.debris),
+        _line("metrics", {k: _defined(v) for k, v in abstraction.metrics.items()}),
+        _line("check", abstraction.check),
+        _line("provenance", abstraction.provenance),
+    ]
+    return ("{\n" + ",\n".join(lines) + "\n}\n").encode("ascii")
+
+
+def from_json(data: bytes) -> Abstraction:
+    """Read what `to_json` wrote.
+
+    Parameters
+    ----------
+    data : bytes
+
+    Returns
+    -------
+    Abstraction
+
+    Raises
+    ------
+    FormatError
+        Not JSON, not this format or this version of it, an unknown or missing key, or a value
+        that makes no sense; the message names the place.
+    """
+    try:
+        document = json.loads(data, parse_constant=_no_constant, object_pairs_hook=_no_repeats)
+    except FormatError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"not an abstraction: not valid JSON ({error})") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise FormatError(f'not an abstraction: "format" must be "{FORMAT}"')
+    if document.get("version") != VERSION:
+        raise FormatError(
+            f"version {document.get('version')!r} of the format is not known, only {VERSION}: "
+            "use a pnabs as new as the one that wrote it"
+        )
+    try:
+        found = _Document.model_validate(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise FormatError(f"not an abstraction: {place}: {first['msg']}") from error
+    return Abstraction(
+        category=found.category,
+        model_id=found.model_id,
+        positives=_cuboids(found.positives),
+        negatives=_cuboids(found.negatives),
+        transform=np.array(found.transform, dtype=np.float64),
+        crop=found.crop.model_dump(),
+        debris=found.debris.model_dump(),
+        metrics={k: math.nan if v is None else v for k, v in found.metrics.items()},
+        check=found.check,
+        provenance=found.provenance,
+    )
+
+
+def cuboid_records(cuboids: Cuboids) -> list[dict[str, list[float]]]:
+    """The cuboids' parameters as plain numbers, shortest decimals of their float32 values."""
+    return [
+        {"scale": _shortest(s), "rotation": _shortest(r), "translation": _shortest(t)}
+        for s, r, t in zip(cuboids.scale, cuboids.rotation, cuboids.translation, strict=True)
+    ]
+
+
+def _shortest(values: Float32) -> list[float]:
+    return [float(str(value)) for value in values]
+
+
+def _cuboids(records: list[_Cuboid]) -> Cuboids:
+    def column(values: list[list[float]], width: int) -> Float32:
+        return np.array(values, dtype=np.float32).reshape(-1, width)
+
+    return Cuboids(
+        column([c.scale for c in records], 3),
+        column([c.rotation for c in records], 4),
+        column([c.translation for c in records], 3),
+    )
+
+
+def _line(key: str, value: object) -> str:
+    return f' "{key}": {_dump(value)}'
+
+
+def _rows(key: str, values: list[Any]) -> str:
+    if not values:
+        return f' "{key}": []'
+    return f' "{key}": [\n  ' + ",\n  ".join(_dump(value) for value in values) + "\n ]"
+
+
+def _dump(value: object) -> str:
+    return json.dumps(value, allow_nan=False, sort_keys=True, default=_plain)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a {type(value).__name__} has no place in abstraction.json")
+
+
+def _defined(value: float | int) -> float | int | None:
+    return None if math.isnan(value) else value
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise FormatError(f"not an abstraction: {name} is not a number of JSON")
+
+
+def _no_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise FormatError("not an abstraction: a key stands twice in one object")
+    return found

@@ -1,0 +1,109 @@
+"""The final check of a result: closed, two-manifold, without self-intersections.
+
+METHOD, "Abstraction" step 5.  What is checked is exactly what is written: the vertices
+rounded to float32 (on unrounded ones the test for self-intersections raises false alarms at
+coplanar neighbours).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnabs.geometry.types import Float32
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """The verdict on a mesh.
+
+    Attributes
+    ----------
+    closed : bool
+        No edge with one face alone.
+    two_manifold : bool
+        Every edge and every vertex has the neighbourhood of a surface.
+    self_intersections : int
+        Faces that meet others elsewhere than along common edges and vertices.
+    duplicate_vertices : int
+        Vertices at the place of another.
+    unreferenced_vertices : int
+        Vertices without a face.
+    degenerate_faces : int
+        Faces without area.
+    components : int
+        Connected surfaces; a sealed void counts as one.
+    """
+
+    closed: bool
+    two_manifold: bool
+    self_intersections: int
+    duplicate_vertices: int
+    unreferenced_vertices: int
+    degenerate_faces: int
+    components: int
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a mesh and nothing is wrong with it."""
+        faults = (
+            self.self_intersections
+            + self.duplicate_vertices
+            + self.unreferenced_vertices
+            + self.degenerate_faces
+        )
+        return self.closed and self.two_manifold and faults == 0 and self.components > 0
+
+    def as_dict(self) -> dict[str, bool | int]:
+        """All findings, `ok` among them."""
+        return {**asdict(self), "ok": self.ok}
+
+
+def check(vertices: Float32, faces: NDArray[np.integer]) -> CheckReport:
+    """Check a mesh as it is written.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float32
+    faces : (F, 3) int
+
+    Returns
+    -------
+    CheckReport
+        An empty mesh is not ok: it has no components.
+
+    Raises
+    ------
+    ValueError
+        The vertices are not float32 (they would be rounded after the check) or not finite,
+        or a face names a vertex that does not exist.
+    """
+    if vertices.dtype != np.float32 or not np.isfinite(vertices).all():
+        raise ValueError("check needs the vertices as they are written: finite and float32")
+    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
+        raise ValueError(f"a face names a vertex outside 0..{len(vertices) - 1}")
+    if not len(faces):
+        return CheckReport(True, True, 0, 0, len(vertices), 0, 0)
+
+    # It takes a second to load and 80 MB; most of the package does without.
+    import pymeshlab
+
+    exact = vertices.astype(np.float64)
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(exact, faces.astype(np.int32)))
+    topology = meshes.get_topological_measures()
+    meshes.compute_selection_by_self_intersections_per_face()
+    crossing = meshes.current_mesh().selected_face_number()
+    a, b, c = (exact[faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return CheckReport(
+        closed=topology["boundary_edges"] == 0,
+        two_manifold=bool(topology["is_mesh_two_manifold"]),
+        self_intersections=int(crossing),
+        duplicate_vertices=len(exact) - len(np.unique(exact, axis=0)),
+        unreferenced_vertices=int(topology["unreferenced_vertices"]),
+        degenerate_faces=int(np.count_nonzero(area == 0)),
+        components=int(topology["connected_components_number"]),
+    )

@@ -1,0 +1,225 @@
+"""Distance fields of oriented meshes at cell centres."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pnabs.geometry.kernel import kernel
+from pnabs.geometry.orient import OrientedMesh
+from pnabs.geometry.solid import Open, Voxels, voxelise_parts
+from pnabs.geometry.types import GRID_SIDE, THETA_D, Float32, Float64, Int64
+
+NUDGE = 1e-7
+"""What replaces a distance whose sign would contradict the occupancy."""
+
+
+def unsigned_distance(prepared: OrientedMesh, resolution: int) -> Float32:
+    """Distance of cell centres to the surface, (G, G, G) float32, normalised units.
+
+    Exact up to `THETA_D` plus one cell; farther out from the faces nearest to the
+    neighbouring cells, which is never too small and rarely too large.
+    """
+    return _nearest(prepared, resolution)[0].astype(np.float32)
+
+
+def signed_distance(
+    prepared: OrientedMesh, resolution: int, open: Open = "fill", voxels: Voxels | None = None
+) -> Float32:
+    """Distance of cell centres to the solid's surface, negative inside, (G, G, G) float32.
+
+    A sheet has no inside: thin parts are thickened by half a cell to either side, so that
+    the field is `|d| - cell / 2` at cells that are thin or nearest to a thin part, and the
+    plain signed distance elsewhere.  The field is negative exactly where the solid is
+    occupied.
+
+    Parameters
+    ----------
+    prepared : OrientedMesh
+    resolution : int
+        Cells along a side of the grid, G.
+    open : "fill" or "shell"
+        As for `pnabs.geometry.solid.voxelise`.
+    voxels : Voxels, optional
+        The solid at the same resolution, if it is known already.
+    """
+    if voxels is None:
+        voxels = voxelise_parts(prepared, resolution, open)
+    distance, point = _nearest(prepared, resolution)
+    cell = GRID_SIDE / resolution
+    index = np.floor((point + GRID_SIDE / 2) / cell).astype(np.int64).clip(0, resolution - 1)
+    near_thin = voxels.thin[index[..., 0], index[..., 1], index[..., 2]]
+    outside = np.where(near_thin | voxels.thin, distance - cell / 2, distance)
+    outside = np.where(voxels.thin, np.minimum(outside, -NUDGE), np.maximum(outside, NUDGE))
+    field = np.where(voxels.core, -np.maximum(distance, NUDGE), outside)
+    return np.asarray(field, dtype=np.float32)
+
+
+def _nearest(prepared: OrientedMesh, resolution: int) -> tuple[Float64, Float64]:
+    """Distance to, and position of, the nearest surface point: (G, G, G), (G, G, G, 3)."""
+    cell = GRID_SIDE / resolution
+    triangles = np.ascontiguousarray(prepared.mesh.triangles)
+    squared = np.full((resolution, resolution, resolution), np.inf)
+    nearest = np.full((resolution, resolution, resolution), -1, dtype=np.int64)
+    point = np.zeros((resolution, resolution, resolution, 3))
+    _band(triangles, prepared.normals, squared, nearest, cell, THETA_D + cell)
+    _sweep(triangles, squared, nearest, cell)
+    _locate(triangles, nearest, point, cell)
+    return np.sqrt(squared), point
+
+
+@kernel
+def _segment(px: float, py: float, pz: float, a: Float64, b: Float64) -> tuple[float, float, float]:
+    """The point of segment a b nearest to p."""
+    dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = dx * dx + dy * dy + dz * dz
+    t = 0.0
+    if length > 0:
+        t = ((px - a[0]) * dx + (py - a[1]) * dy + (pz - a[2]) * dz) / length
+        t = min(max(t, 0.0), 1.0)
+    return a[0] + t * dx, a[1] + t * dy, a[2] + t * dz
+
+
+@kernel
+def _closest(px: float, py: float, pz: float, triangle: Float64) -> tuple[float, float, float]:
+    """The point of a triangle nearest to p, by the plane's barycentric coordinates."""
+    a, b, c = triangle[0], triangle[1], triangle[2]
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    wx, wy, wz = px - a[0], py - a[1], pz - a[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = nx * nx + ny * ny + nz * nz
+    beta = -1.0
+    gamma = -1.0
+    if area > 0:
+        # components of w x v and u x w along the normal, over its length
+        beta = (
+            (wy * vz - wz * vy) * nx + (wz * vx - wx * vz) * ny + (wx * vy - wy * vx) * nz
+        ) / area
+        gamma = (
+            (uy * wz - uz * wy) * nx + (uz * wx - ux * wz) * ny + (ux * wy - uy * wx) * nz
+        ) / area
+    if beta >= 0 and gamma >= 0 and beta + gamma <= 1:
+        return (
+            a[0] + beta * ux + gamma * vx,
+            a[1] + beta * uy + gamma * vy,
+            a[2] + beta * uz + gamma * vz,
+        )
+    bx, by, bz = _segment(px, py, pz, a, b)
+    best = (bx - px) ** 2 + (by - py) ** 2 + (bz - pz) ** 2
+    for side in range(2):
+        qx, qy, qz = _segment(px, py, pz, c, b if side == 0 else a)
+        squared = (qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2
+        if squared < best:
+            best = squared
+            bx, by, bz = qx, qy, qz
+    return bx, by, bz
+
+
+@kernel
+def _band(
+    triangles: Float64,
+    normals: Float64,
+    squared: Float64,
+    nearest: Int64,
+    cell: float,
+    width: float,
+) -> None:
+    """Give every face to the cells within `width` of it."""
+    cells = squared.shape[0]
+    first = 0.5 * cell - 0.5 * cell * cells
+    low = np.zeros(3, dtype=np.int64)
+    high = np.zeros(3, dtype=np.int64)
+    lo = np.zeros(3)
+    hi = np.zeros(3)
+    for f in range(len(triangles)):
+        t = triangles[f]
+        for axis in range(3):
+            lo[axis] = min(t[0, axis], t[1, axis], t[2, axis])
+            hi[axis] = max(t[0, axis], t[1, axis], t[2, axis])
+            low[axis] = max(0, int(np.ceil((lo[axis] - width - first) / cell)))
+            high[axis] = min(cells - 1, int(np.floor((hi[axis] + width - first) / cell)))
+        nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
+        level = nx * t[0, 0] + ny * t[0, 1] + nz * t[0, 2]
+        for i in range(low[0], high[0] + 1):
+            px = first + i * cell
+            gap_x = max(lo[0] - px, 0.0, px - hi[0])
+            for j in range(low[1], high[1] + 1):
+                py = first + j * cell
+                gap_y = max(lo[1] - py, 0.0, py - hi[1])
+                gap_xy = gap_x * gap_x + gap_y * gap_y
+                for k in range(low[2], high[2] + 1):
+                    pz = first + k * cell
+                    best = squared[i, j, k]
+                    # neither the face's plane nor its box may be farther than the best so far
+                    height = nx * px + ny * py + nz * pz - level
+                    gap_z = max(lo[2] - pz, 0.0, pz - hi[2])
+                    bound = max(height * height, gap_xy + gap_z * gap_z)
+                    if bound >= best or bound > width * width:
+                        continue
+                    qx, qy, qz = _closest(px, py, pz, t)
+                    distance = (qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2
+                    if distance < best:
+                        squared[i, j, k] = distance
+                        nearest[i, j, k] = f
+
+
+@kernel
+def _sweep(triangles: Float64, squared: Float64, nearest: Int64, cell: float) -> None:
+    """Hand nearest faces on from cell to cell, once in each of the eight diagonal directions."""
+    cells = squared.shape[0]
+    first = 0.5 * cell - 0.5 * cell * cells
+    tried = np.zeros(7, dtype=np.int64)
+    for octant in range(8):
+        sx = 1 if octant & 1 else -1
+        sy = 1 if octant & 2 else -1
+        sz = 1 if octant & 4 else -1
+        for a in range(cells):
+            i = a if sx > 0 else cells - 1 - a
+            px = first + i * cell
+            for b in range(cells):
+                j = b if sy > 0 else cells - 1 - b
+                py = first + j * cell
+                for c in range(cells):
+                    k = c if sz > 0 else cells - 1 - c
+                    pz = first + k * cell
+                    count = 0
+                    for step in range(1, 8):
+                        x = i - sx if step & 1 else i
+                        y = j - sy if step & 2 else j
+                        z = k - sz if step & 4 else k
+                        if x < 0 or y < 0 or z < 0 or x >= cells or y >= cells or z >= cells:
+                            continue
+                        f = nearest[x, y, z]
+                        if f < 0 or f == nearest[i, j, k]:
+                            continue
+                        known = False
+                        for m in range(count):
+                            known = known or tried[m] == f
+                        if known:
+                            continue
+                        tried[count] = f
+                        count += 1
+                        qx, qy, qz = _closest(px, py, pz, triangles[f])
+                        distance = (qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2
+                        if distance < squared[i, j, k]:
+                            squared[i, j, k] = distance
+                            nearest[i, j, k] = f
+
+
+@kernel
+def _locate(triangles: Float64, nearest: Int64, point: Float64, cell: float) -> None:
+    """The nearest point on the nearest face of each cell."""
+    cells = nearest.shape[0]
+    first = 0.5 * cell - 0.5 * cell * cells
+    for i in range(cells):
+        for j in range(cells):
+            for k in range(cells):
+                qx, qy, qz = _closest(
+                    first + i * cell,
+                    first + j * cell,
+                    first + k * cell,
+                    triangles[nearest[i, j, k]],
+                )
+                point[i, j, k, 0] = qx
+                point[i, j, k, 1] = qy
+                point[i, j, k, 2] = qz

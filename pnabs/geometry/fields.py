@@ -1,0 +1,129 @@
+"""Everything that is kept of a mesh: its solid, fields, samples and a preview."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnabs.geometry.distance import signed_distance
+from pnabs.geometry.mirror import detect_mirror
+from pnabs.geometry.normalise import normalise
+from pnabs.geometry.orient import prepare
+from pnabs.geometry.preview import preview
+from pnabs.geometry.sampling import sample_interior, sample_surface
+from pnabs.geometry.solid import voxelise_parts
+from pnabs.geometry.types import GRID_SIDE, Bool, Float32, Float64, Mesh
+from pnabs.settings import Ingest
+
+RESOLUTION = 32
+"""Grid of the networks' input and of the signed distance field."""
+
+FINE_RESOLUTION = 64
+"""Grid of the finer occupancy, for samples and metrics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """What ingest keeps of one model, all in the normalised frame.
+
+    Attributes
+    ----------
+    occupancy : (32, 32, 32) bool
+    occupancy_64 : (64, 64, 64) bool
+    sdf : (32, 32, 32) float32
+        Negative exactly where `occupancy` is set.
+    surface : (P, 6) float32
+        Points on the solid's surface and unit normals out of it.
+    interior : (Q, 3) float32
+        Points in the solid.
+    transform : (4, 4) float64
+        Normalised frame -> the input's coordinates.
+    mirror : int
+        Axis of the mirror symmetry, 0 x, 1 y, 2 z, -1 none.
+    preview : (Fp, 3, 3) float16
+        Corners of a decimated mesh's triangles.
+    """
+
+    occupancy: Bool
+    occupancy_64: Bool
+    sdf: Float32
+    surface: Float32
+    interior: Float32
+    transform: Float64
+    mirror: int
+    preview: NDArray[np.float16]
+
+
+def compute_fields(mesh: Mesh, settings: Ingest, layout: str, rng: np.random.Generator) -> Fields:
+    """Turn a mesh into its fields (METHOD, shapes).  A pure function of its arguments.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        In the input's coordinates, as `pnabs.geometry.load.parse_mesh` gives it.
+    settings : Ingest
+    layout : str
+        Layout of the collection, which may fix the mirror axis.
+    rng : numpy.random.Generator
+        Source of the samples.
+
+    Raises
+    ------
+    pnabs.geometry.load.InvalidMeshError
+        If no face has non-zero area.
+    """
+    normalised, transform = normalise(mesh)
+    prepared = prepare(normalised)
+    coarse = voxelise_parts(prepared, RESOLUTION, settings.solid.open)
+    fine = voxelise_parts(prepared, FINE_RESOLUTION, settings.solid.open)
+    occupancy, occupancy_64 = coarse.occupancy, fine.occupancy
+    return Fields(
+        occupancy=occupancy,
+        occupancy_64=occupancy_64,
+        sdf=signed_distance(prepared, RESOLUTION, settings.solid.open, coarse),
+        surface=sample_surface(prepared, settings.surface_points, rng, fine.core),
+        interior=sample_interior(occupancy_64, settings.interior_points, rng),
+        transform=transform,
+        mirror=detect_mirror(occupancy, settings.solid, layout),
+        preview=preview(normalised, settings.preview_faces).triangles.astype(np.float16),
+    )
+
+
+def interpolate_sdf(sdf: Float32, points: NDArray[np.floating]) -> Float32:
+    """A distance field at points, (P,) float32.
+
+    Trilinear between cell centres; outside their hull, the value at the hull's nearest
+    point plus the distance to it (METHOD, shapes).
+
+    Parameters
+    ----------
+    sdf : (G, G, G) float32
+        Values at the cell centres of the grid, x slowest.
+    points : (P, 3) float
+        Normalised frame.
+    """
+    resolution = len(sdf)
+    position = (np.asarray(points, dtype=np.float64) + GRID_SIDE / 2) * (resolution / GRID_SIDE)
+    position -= 0.5
+    inside = np.clip(position, 0, resolution - 1)
+    beyond = np.linalg.norm(position - inside, axis=1) * (GRID_SIDE / resolution)
+    low = np.minimum(inside.astype(np.int64), resolution - 2)
+    fraction = inside - low
+    values: Float64 = beyond
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.where(np.array(corner) == 1, fraction, 1 - fraction).prod(axis=1)
+        values = values + weight * sdf[tuple((low + corner).T)]
+    return np.asarray(values, dtype=np.float32)
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, every kernel that `compute_fields` runs.
+
+    Call it once before processes are forked, so that each doesn't compile for itself.
+    """
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int64)
+    settings = Ingest(surface_points=1, interior_points=1)
+    compute_fields(Mesh(corners, faces), settings, "folder", np.random.default_rng(0))

@@ -1,0 +1,237 @@
+"""Mesh files to arrays: bytes in, one validated triangle mesh out.
+
+No path is ever opened here; the caller reads the bytes, from a folder or an archive.
+Materials and textures are never read.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import urllib.parse
+from collections.abc import Callable
+
+import numpy as np
+
+from pnabs.geometry.types import Bool, Float64, Int64, Mesh
+from pnabs.settings import Limits
+
+SUFFIXES = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf")
+"""File suffixes that `parse_mesh` understands, lower case."""
+
+EXTENT_RANGE = (1e-12, 1e12)
+"""Longest sides of a bounding box that double precision can still work with."""
+
+_TEXT_SUFFIXES = (".obj", ".off", ".gltf")
+_OBJ_COMMENT = re.compile(rb"#[^\r\n]*")
+_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
+_OBJ_INDEX_ZERO = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?[+-]?0+(?=[/\s]|$)", re.MULTILINE)
+
+
+class InvalidMeshError(ValueError):
+    """A file that holds no usable mesh; the message says what is wrong with it."""
+
+
+def parse_mesh(
+    data: bytes,
+    suffix: str,
+    limits: Limits,
+    read_sibling: Callable[[str], bytes] | None = None,
+) -> Mesh:
+    """Read one mesh file.
+
+    Parameters
+    ----------
+    data : bytes
+        The file's content.
+    suffix : str
+        One of `SUFFIXES`, in any case: what the content claims to be.
+    limits : Limits
+        Size and face limits, checked before the cost is paid.
+    read_sibling : callable, optional
+        Gives the content of a file that a .gltf names, by its relative name.  It is the
+        caller's to confine it to the dataset.  Without it, external buffers are an error.
+
+    Returns
+    -------
+    Mesh
+        Faces of all parts together, in the file's coordinates, with at least one face
+        of non-zero area.  Nothing is welded or removed.
+
+    Raises
+    ------
+    InvalidMeshError
+        If the file is too large, can't be read, or holds no usable mesh.
+    """
+    suffix = suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InvalidMeshError(f"unknown suffix {suffix!r}; known are {', '.join(SUFFIXES)}")
+    if len(data) > limits.max_bytes:
+        raise InvalidMeshError(
+            f"the file has {len(data):,} bytes, more than limits.max_bytes = {limits.max_bytes:,}"
+        )
+    if not data.strip():
+        raise InvalidMeshError("the file is empty")
+    if suffix in _TEXT_SUFFIXES:
+        data = data.removeprefix(b"\xef\xbb\xbf")
+    if suffix == ".obj":
+        data = _plain_obj(data)
+        _check_obj(data, limits)
+    mesh = _parse(data, suffix, limits, read_sibling)
+    validate(mesh, limits)
+    return mesh
+
+
+def validate(mesh: Mesh, limits: Limits) -> None:
+    """Raise `InvalidMeshError` unless the mesh is one that a solid can be made of.
+
+    Checks the face limit, the range of indices, that vertices are finite, the extent
+    (`EXTENT_RANGE`), and that a face of non-zero area is there.
+    """
+    vertices, faces = mesh.vertices, mesh.faces
+    if len(faces) == 0:
+        raise InvalidMeshError("no faces: the file is damaged, or holds points or lines only")
+    if len(faces) > limits.max_faces:
+        raise _too_many_faces(len(faces), limits)
+    _check_indices(faces, len(vertices))
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        raise InvalidMeshError(
+            f"{np.count_nonzero(~finite):,} of {len(vertices):,} vertices are not finite numbers, "
+            f"the first is vertex {int(np.argmin(finite))}"
+        )
+    solid_faces = has_area(mesh)
+    if not solid_faces.any():
+        raise InvalidMeshError(f"all {len(faces):,} faces have zero area")
+    used = vertices[faces[solid_faces].ravel()]
+    with np.errstate(over="ignore"):
+        extent = float((used.max(axis=0) - used.min(axis=0)).max())
+    if not EXTENT_RANGE[0] < extent < EXTENT_RANGE[1]:
+        raise InvalidMeshError(
+            f"the longest side is {extent:.3g}, outside {EXTENT_RANGE[0]:g} to {EXTENT_RANGE[1]:g}"
+        )
+
+
+def has_area(mesh: Mesh) -> Bool:
+    """Which faces have non-zero area, (F,) bool.
+
+    The cross product is taken of edges scaled to the mesh's extent, so that it neither
+    underflows nor overflows for tiny or huge meshes.
+    """
+    corners = mesh.triangles
+    with np.errstate(over="ignore", invalid="ignore"):
+        edges: Float64 = corners[:, 1:] - corners[:, :1]
+        scale = float(np.abs(edges).max(initial=0.0))
+        if not 0.0 < scale < np.inf:
+            # all faces are points, or coordinates so far apart that no check can save them
+            return np.full(len(corners), scale > 0.0)
+        edges = edges / scale
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    return np.asarray((normals != 0).any(axis=1))
+
+
+def _check_indices(faces: Int64, vertex_count: int) -> None:
+    low, high = int(faces.min(initial=0)), int(faces.max(initial=-1))
+    if low < 0 or high >= vertex_count:
+        raise InvalidMeshError(
+            f"face indices run from {low} to {high}, but there are {vertex_count:,} vertices"
+        )
+
+
+def _too_many_faces(count: int, limits: Limits) -> InvalidMeshError:
+    return InvalidMeshError(
+        f"the mesh has {count:,} faces, more than limits.max_faces = {limits.max_faces:,}"
+    )
+
+
+def _plain_obj(data: bytes) -> bytes:
+    """An OBJ file without comments and with newlines that the parser knows."""
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    return _OBJ_COMMENT.sub(b"", data) if b"#" in data else data
+
+
+def _check_obj(data: bytes, limits: Limits) -> None:
+    """What the OBJ parser lets pass: too many faces to be worth parsing, and index 0."""
+    count = sum(1 for _ in _OBJ_FACE.finditer(data))
+    if count > limits.max_faces:
+        raise _too_many_faces(count, limits)
+    zero = _OBJ_INDEX_ZERO.search(data)
+    if zero:
+        line = data.count(b"\n", 0, zero.start()) + 1
+        raise InvalidMeshError(f"line {line}: face index 0, but OBJ counts vertices from 1")
+
+
+def _parse(
+    data: bytes, suffix: str, limits: Limits, read_sibling: Callable[[str], bytes] | None
+) -> Mesh:
+    """The file's parts with their node transforms, as one mesh, not yet validated."""
+    import trimesh  # half a second to import, and not every process reads meshes
+
+    siblings = _Siblings(read_sibling) if suffix == ".gltf" else None
+    try:
+        scene = trimesh.load_scene(
+            io.BytesIO(data),
+            file_type=suffix[1:],
+            resolver=siblings,
+            process=False,
+            skip_materials=True,
+        )
+        nodes = [scene.graph[name] for name in scene.graph.nodes_geometry]
+        parts = [
+            (np.asarray(matrix, dtype=np.float64), scene.geometry[name])
+            for matrix, name in nodes
+            if isinstance(scene.geometry[name], trimesh.Trimesh)
+        ]
+        count = sum(len(part.faces) for _, part in parts)
+        if count > limits.max_faces:
+            raise _too_many_faces(count, limits)
+        return _concatenate(
+            [
+                (
+                    matrix,
+                    np.asarray(part.vertices, dtype=np.float64).reshape(-1, 3),
+                    np.asarray(part.faces, dtype=np.int64).reshape(-1, 3),
+                )
+                for matrix, part in parts
+            ]
+        )
+    except (InvalidMeshError, MemoryError):
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise InvalidMeshError(f"not a readable {suffix} file ({reason})") from error
+
+
+def _concatenate(parts: list[tuple[Float64, Float64, Int64]]) -> Mesh:
+    """Transformed parts (matrix, vertices, faces) side by side; mirrored ones turned right."""
+    vertices, faces, start = [], [], 0
+    for matrix, points, triangles in parts:
+        identity = np.array_equal(matrix, np.eye(4))
+        vertices.append(points if identity else points @ matrix[:3, :3].T + matrix[:3, 3])
+        _check_indices(triangles, len(points))
+        mirrored = not identity and np.linalg.det(matrix[:3, :3]) < 0
+        faces.append((triangles[:, ::-1] if mirrored else triangles) + start)
+        start += len(points)
+    if not parts:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    return Mesh(
+        np.ascontiguousarray(np.concatenate(vertices)), np.ascontiguousarray(np.concatenate(faces))
+    )
+
+
+class _Siblings(dict[str, bytes]):
+    """What a .gltf file names, by name, through the caller's reader."""
+
+    def __init__(self, read: Callable[[str], bytes] | None) -> None:
+        super().__init__()
+        self._read = read
+
+    def __missing__(self, name: str) -> bytes:
+        if self._read is None:
+            raise InvalidMeshError(f"the buffer {name!r} lies outside the file and can't be read")
+        try:
+            return self._read(urllib.parse.unquote(name))
+        except Exception as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InvalidMeshError(f"the buffer {name!r} can't be read ({reason})") from error

@@ -1,0 +1,277 @@
+"""What an abstraction is measured by (METHOD, metrics; section 4.3 of the paper).
+
+Lengths are in the normalised frame (longest side 1), Chamfer distances times 1000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+from scipy.spatial import ConvexHull, cKDTree
+
+from pnabs import settings
+from pnabs.geometry import cuboid
+from pnabs.geometry.crop import croppable
+from pnabs.geometry.inside import inside_grid
+from pnabs.geometry.sampling import draw_on_triangles
+from pnabs.geometry.solidify import SolidMesh, SolidResult, make_solid
+from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Int64
+
+_EQUAL_AREA_RADIUS = 1 / np.sqrt(np.log(2))
+"""Radius of a disc of the area that falls to one of many random points on a surface, over
+the median distance to the nearest neighbour (a Poisson process in the plane)."""
+
+
+def iou(a: Bool, b: Bool) -> float:
+    """Intersection over union of two occupancies; 0 where both are empty."""
+    union = np.count_nonzero(a | b)
+    return float(np.count_nonzero(a & b) / union) if union else 0.0
+
+
+def predicted_occupancy(
+    positives: Cuboids, negatives: Cuboids, resolution: int, min_side: float
+) -> Bool:
+    """Cell centres in a positive, raised to a cell's thickness, and in no negative.
+
+    Cuboids too thin to take part in the crop are left out here too.
+
+    Returns
+    -------
+    (G, G, G) bool
+    """
+    added = positives[croppable(positives, min_side)]
+    removed = negatives[croppable(negatives, min_side)]
+    solid = cuboid.voxelise(added, resolution, raise_thin=True)
+    return solid & ~cuboid.voxelise(removed, resolution, raise_thin=False)
+
+
+def chamfer(points_a: Float64, points_b: Float64) -> tuple[float, float]:
+    """Chamfer distances between two sets of surface samples.
+
+    Parameters
+    ----------
+    points_a, points_b : (P, 3), (Q, 3) float
+
+    Returns
+    -------
+    (cd_l1, cd_l2)
+        Mean of the two directed mean distances, and sum of the two directed mean squares,
+        both times 1000.  NaN where a set is empty.
+    """
+    if not len(points_a) or not len(points_b):
+        return float("nan"), float("nan")
+    there, _ = _nearest(_tree(points_b), points_a)
+    back, _ = _nearest(_tree(points_a), points_b)
+    return _chamfer(there, back)
+
+
+def _chamfer(there: Float64, back: Float64) -> tuple[float, float]:
+    l1 = 500 * (there.mean() + back.mean())
+    l2 = 1000 * (np.square(there).mean() + np.square(back).mean())
+    return float(l1), float(l2)
+
+
+def _tree(points: Float64) -> cKDTree:
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
+
+
+def _nearest(tree: cKDTree, points: Float64) -> tuple[Float64, Int64]:
+    distance, index = tree.query(points)
+    return np.asarray(distance), np.asarray(index, dtype=np.int64)
+
+
+class OriginalSurface:
+    """Samples of a shape's surface, as the surface that results are measured against.
+
+    Parameters
+    ----------
+    surface : (P, 6) float32
+        Points and normals.
+    """
+
+    def __init__(self, surface: Float32) -> None:
+        self.points: Float64 = surface[:, :3].astype(np.float64)
+        self.normals: Float64 = surface[:, 3:].astype(np.float64)
+        self.tree = _tree(self.points)
+        spacing = np.median(self.tree.query(self.points, k=[2])[0]) if len(surface) > 1 else 0.0
+        self.radius = float(_EQUAL_AREA_RADIUS * spacing)
+        """Radius of the disc of surface that one sample stands for."""
+
+    def to_surface(self, points: Float64, nearest: Float64, index: Int64) -> Float64:
+        """Distance from points to the surface, through the disc of the nearest sample.
+
+        A sample stands for a disc in its tangent plane.  Where the surface is known exactly
+        this errs by 0.1e-3 to 0.5e-3 on the mean distance, on 20 models of six categories
+        with 10,000 samples; distances to the samples themselves by 2e-3, and the 32^3 signed
+        distance field, which gives thin sheets a thickness, by up to 5e-3.
+
+        Parameters
+        ----------
+        points : (Q, 3) float64
+        nearest : (Q,) float64
+            Distance to the nearest sample.
+        index : (Q,) int
+            Which one it is.
+
+        Returns
+        -------
+        (Q,) float64
+        """
+        offset = points - self.points[index]
+        height = np.abs(np.einsum("qi,qi->q", offset, self.normals[index]))
+        along = np.sqrt(np.maximum(np.square(nearest) - np.square(height), 0))
+        return np.asarray(np.hypot(height, np.maximum(along - self.radius, 0)))
+
+
+def surface_distances(
+    original: OriginalSurface, mesh: SolidMesh, samples: Float64
+) -> tuple[float, float, float]:
+    """Chamfer distances between a shape and a result.
+
+    Parameters
+    ----------
+    original : OriginalSurface
+    mesh : SolidMesh
+        The result.
+    samples : (Q, 3) float64
+        Points uniform on the result's surface.
+
+    Returns
+    -------
+    (cd_l1, cd_l2, cd_surface)
+        The first two between samples (`chamfer`); the third is the mean of the two directed
+        mean distances from samples to the other surface, exact towards the result and by
+        `OriginalSurface.to_surface` towards the shape.  Times 1000; NaN for an empty result.
+    """
+    if mesh.is_empty:
+        return float("nan"), float("nan"), float("nan")
+    there, index = _nearest(original.tree, samples)
+    back, _ = _nearest(_tree(samples), original.points)
+    towards_shape = original.to_surface(samples, there, index)
+    squared, _, _ = igl.point_mesh_squared_distance(
+        original.points, mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)
+    )
+    towards_result = np.sqrt(squared)
+    return *_chamfer(there, back), float(500 * (towards_shape.mean() + towards_result.mean()))
+
+
+def hull_occupancy(occupancy: Bool) -> Bool:
+    """Cells whose centre lies in the convex hull of the occupied cells, (G, G, G) bool.
+
+    The hull is that of the whole cells, not of their centres.
+    """
+    if not occupancy.any():
+        return np.zeros_like(occupancy)
+    resolution = len(occupancy)
+    columns = np.argwhere(np.any(occupancy, axis=2))
+    low = np.argmax(occupancy, axis=2)[tuple(columns.T)]
+    high = resolution - np.argmax(occupancy[:, :, ::-1], axis=2)[tuple(columns.T)]
+    # The hull's corners are among the ends of the columns; here cell i spans i to i + 1.
+    ends = np.concatenate([np.column_stack([columns, end]) for end in (low, high)])
+    square = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]])
+    planes = np.unique(ConvexHull((ends[:, None] + square).reshape(-1, 3)).equations, axis=0)
+
+    centre = np.arange(resolution) + 0.5
+    # Each half-space bounds a column of cells from above, from below, or as a whole.
+    level = planes[:, 0, None, None] * centre[:, None] + planes[:, 1, None, None] * centre
+    level = -(level + planes[:, 3, None, None])
+    slope = planes[:, 2]
+    flat, slack = np.abs(slope) < 1e-9, 1e-9
+    up, down = slope >= 1e-9, slope <= -1e-9
+    top = (level[up] / slope[up, None, None]).min(axis=0)
+    bottom = (level[down] / slope[down, None, None]).max(axis=0)
+    within = np.all(level[flat] >= -slack, axis=0)
+    height = (centre >= bottom[..., None] - slack) & (centre <= top[..., None] + slack)
+    return np.asarray(height & within[..., None])
+
+
+def open_space(occupancy: Bool, prediction: Bool, hull: Bool | None = None) -> float:
+    """The share of the space in the shape's convex hull and outside the shape left open.
+
+    Parameters
+    ----------
+    occupancy : (G, G, G) bool
+        The shape, with at least one occupied cell.
+    prediction : (G, G, G) bool
+        The result.
+    hull : (G, G, G) bool, optional
+        `hull_occupancy` of the shape, if it is known already.
+
+    Returns
+    -------
+    float
+        1 for a convex shape, which has no such space to fill.
+    """
+    space = (hull_occupancy(occupancy) if hull is None else hull) & ~occupancy
+    total = np.count_nonzero(space)
+    return float(np.count_nonzero(space & ~prediction) / total) if total else 1.0
+
+
+def measure(
+    positives: Cuboids,
+    negatives: Cuboids,
+    solid: SolidResult,
+    *,
+    occupancy: Bool,
+    occupancy_64: Bool,
+    surface: Float32,
+    options: settings.Abstract,
+    rng: np.random.Generator,
+) -> dict[str, float | int]:
+    """All metrics of one abstraction.
+
+    Parameters
+    ----------
+    positives, negatives : Cuboids
+        As they were cropped.
+    solid : SolidResult
+        What `pnabs.geometry.solidify.solidify` made of them.
+    occupancy : (32, 32, 32) bool
+    occupancy_64 : (64, 64, 64) bool
+    surface : (P, 6) float32
+        The shape, as ingest keeps it.
+    options : settings.Abstract
+    rng : numpy.random.Generator
+        Two numbers are drawn.
+
+    Returns
+    -------
+    dict
+        iou_32, iou_64, iou_mesh_64, cd_l1, cd_l2, cd_surface, open_space, faces, pieces; the
+        same with the suffix `_positives`, where it applies, for the positives alone; and
+        cd_l1_floor, cd_l2_floor, the distance between two samplings of the result.  All
+        Chamfer distances of an empty result are NaN.
+    """
+    seeds = rng.integers(2**32, size=2)
+    original = OriginalSurface(surface)
+    hull = hull_occupancy(occupancy_64)
+    alone = make_solid(positives, Cuboids.empty(), replace(solid.recipe, jitter_attempt=0))
+    found: dict[str, float | int] = {}
+    for suffix, mesh, cutters in (
+        ("", solid.mesh, negatives),
+        ("_positives", alone, Cuboids.empty()),
+    ):
+        for resolution, reference in ((32, occupancy), (64, occupancy_64)):
+            prediction = predicted_occupancy(positives, cutters, resolution, options.min_side)
+            found[f"iou_{resolution}{suffix}"] = iou(prediction, reference)
+        found[f"open_space{suffix}"] = open_space(occupancy_64, prediction, hull)
+        # The same seed for both: without negatives both have the same figures.
+        samples = _sample(mesh, options.metric_samples, seeds[0])
+        distances = surface_distances(original, mesh, samples)
+        for name, value in zip(("cd_l1", "cd_l2", "cd_surface"), distances, strict=True):
+            found[f"{name}{suffix}"] = value
+
+    found["iou_mesh_64"] = iou(inside_grid(solid.mesh.triangles, 64), occupancy_64)
+    again = [_sample(solid.mesh, options.metric_samples, seed) for seed in seeds]
+    found["cd_l1_floor"], found["cd_l2_floor"] = chamfer(*again)
+    found["faces"] = len(solid.mesh.faces)
+    found["pieces"] = solid.mesh.pieces
+    return found
+
+
+def _sample(mesh: SolidMesh, n: int, seed: int) -> Float64:
+    if mesh.is_empty:
+        return np.zeros((0, 3))
+    return draw_on_triangles(mesh.triangles, n, np.random.default_rng(seed))[0]

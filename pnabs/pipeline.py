@@ -1,0 +1,195 @@
+"""One shape to one abstraction: no Ray, no run folder.  Stages and the library call it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnabs import settings
+from pnabs.formats import Abstraction
+from pnabs.geometry.difference import difference_volume
+from pnabs.geometry.metrics import measure
+from pnabs.geometry.postprocess import postprocess
+from pnabs.geometry.solidify import SolidMesh, solidify
+from pnabs.geometry.types import Bool, Cuboids, Float32, Float64
+
+if TYPE_CHECKING:
+    import torch
+
+    from pnabs.model.network import CuboidNetwork
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A shape as ingest keeps it, as far as abstraction needs it; normalised frame.
+
+    Attributes
+    ----------
+    occupancy : (32, 32, 32) bool
+    occupancy_64 : (64, 64, 64) bool
+    sdf : (32, 32, 32) float32
+    surface : (P, 6) float32
+    transform : (4, 4) float64
+        Normalised frame -> the input's coordinates.
+    """
+
+    occupancy: Bool
+    occupancy_64: Bool
+    sdf: Float32
+    surface: Float32
+    transform: Float64
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What the networks say of one shape.
+
+    Attributes
+    ----------
+    positives, negatives : Cuboids
+        As predicted, before post-process.
+    difference : (32, 32, 32) bool
+        V_delta that the negatives were predicted from; empty means no negatives.
+    """
+
+    positives: Cuboids
+    negatives: Cuboids
+    difference: Bool
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """An abstraction with its mesh in the normalised frame."""
+
+    abstraction: Abstraction
+    mesh: SolidMesh
+
+
+class Predictor:
+    """The trained networks of both modules.
+
+    Parameters
+    ----------
+    positive, negative
+        Weights; without negative ones, or with `abstract.negatives` off, nothing is cropped.
+    device
+        `auto`, `cpu` or `cuda`.
+
+    Raises
+    ------
+    pnabs.model.checkpoint.CheckpointError
+        When a file holds no such weights.
+    """
+
+    def __init__(
+        self, positive: Path, negative: Path | None, job: settings.Settings, threads: int = 1
+    ) -> None:
+        import torch
+
+        from pnabs.model.checkpoint import load_network
+
+        torch.set_num_threads(threads)
+        wanted = job.runtime.device
+        cuda = wanted == "cuda" or (wanted == "auto" and torch.cuda.is_available())
+        self._device: torch.device = torch.device("cuda" if cuda else "cpu")
+        self._job = job
+        self._positive: CuboidNetwork = load_network(positive, self._device)
+        self._negative = load_network(negative, self._device) if negative else None
+
+    def positives(self, occupancy: Bool) -> list[Cuboids]:
+        """C+ of each shape, from occupancies (B, 32, 32, 32)."""
+        from pnabs.model.predict import predict
+
+        return predict(self._positive, occupancy, self._job.abstract.iterations, self._device)
+
+    def __call__(self, occupancy: Bool, sdf: Float32) -> list[Prediction]:
+        """C+, V_delta and C- of each shape, from (B, 32, 32, 32) occupancies and fields."""
+        from pnabs.model.predict import predict
+
+        positives = self.positives(occupancy)
+        options = self._job.difference
+        volumes = [
+            difference_volume(boxes, solid, field, options)
+            for boxes, solid, field in zip(positives, occupancy, sdf, strict=True)
+        ]
+        negatives = [Cuboids.empty()] * len(positives)
+        if self._negative is not None and self._job.abstract.negatives:
+            rows = [row for row, volume in enumerate(volumes) if volume.any()]
+            if rows:
+                chosen = np.stack([volumes[row] for row in rows])
+                iterations = self._job.abstract.iterations
+                found = predict(self._negative, chosen, iterations, self._device)
+                for row, boxes in zip(rows, found, strict=True):
+                    negatives[row] = boxes
+        return [Prediction(*parts) for parts in zip(positives, negatives, volumes, strict=True)]
+
+
+def finish(
+    prediction: Prediction,
+    shape: Shape,
+    options: settings.Abstract,
+    *,
+    category: str,
+    model_id: str,
+    rng: np.random.Generator,
+    provenance: dict[str, Any],
+) -> Finished:
+    """From predicted cuboids to the checked, measured abstraction (METHOD, abstraction).
+
+    Post-processes the negatives, crops, drops debris, checks and measures.
+
+    Parameters
+    ----------
+    rng
+        The model's own random numbers.
+    """
+    negatives, report = postprocess(
+        prediction.negatives,
+        shape.surface,
+        shape.occupancy_64,
+        prediction.difference,
+        options,
+    )
+    positives = prediction.positives
+    solid = solidify(positives, negatives, options, rng)
+    found = measure(
+        positives,
+        negatives,
+        solid,
+        occupancy=shape.occupancy,
+        occupancy_64=shape.occupancy_64,
+        surface=shape.surface,
+        options=options,
+        rng=rng,
+    )
+    # An empty result has no distances: absent rather than not a number.
+    metrics = {name: value for name, value in found.items() if math.isfinite(value)}
+    metrics |= {
+        "positives": len(positives),
+        "negatives_predicted": report.predicted,
+        "negatives_kept": report.kept,
+        "shrunk": report.shrunk,
+        "grown": report.grown,
+        "discarded_deep": report.discarded_deep,
+        "discarded_overlap": report.discarded_overlap,
+        "discarded_gap": report.discarded_gap,
+        "discarded_idle": report.discarded_idle,
+        "suppressed": report.suppressed,
+        "pieces_dropped": len(solid.mesh.dropped),
+        "jitter_attempt": solid.recipe.jitter_attempt,
+    }
+    abstraction = Abstraction.from_solid(
+        solid,
+        category=category,
+        model_id=model_id,
+        positives=positives,
+        negatives=negatives,
+        transform=shape.transform,
+        metrics=metrics,
+        provenance=provenance,
+    )
+    return Finished(abstraction, solid.mesh)

@@ -1,0 +1,283 @@
+"""Charts as inline SVG: small, labelled, and coloured by the page's style sheet.
+
+Every function gives markup to put into HTML; names are escaped.  Colours are CSS
+variables, so that charts follow the page into dark mode.  Points that fall on the same
+spot are drawn once, which bounds the size for any number of models.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from pnabs.geometry.types import Float64
+
+from .text import plain
+
+_SERIES = 7
+"""Distinct line colours of the style sheet, --s1 to --s7."""
+
+
+def _svg(width: float, height: float, label: str, parts: Sequence[Markup]) -> Markup:
+    head = Markup('<svg class="chart" viewBox="0 0 {:g} {:g}" role="img" aria-label="{}">')
+    return head.format(width, height, plain(label)) + Markup("\n").join(parts) + Markup("</svg>")
+
+
+def _text(x: float, y: float, text: str, anchor: str = "start", style: str = "") -> Markup:
+    return Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}" class="{}">{}</text>').format(
+        x, y, anchor, style, plain(text)
+    )
+
+
+def _upright(y: float, text: str) -> Markup:
+    """The label of a vertical axis, read from below."""
+    frame = Markup('<text transform="translate(11 {:.1f}) rotate(-90)" {}>{}</text>')
+    return frame.format(y, Markup('text-anchor="middle" class="muted"'), plain(text))
+
+
+def _line(x0: float, y0: float, x1: float, y1: float, style: str = "grid") -> Markup:
+    ends = (x0, y0, x1, y1)
+    frame = '<line class="{}" x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"/>'
+    return Markup(frame).format(style, *ends)
+
+
+def _circle(style: str, x: float, y: float, radius: float) -> Markup:
+    return Markup('<circle class="{}" cx="{:.1f}" cy="{:.1f}" r="{:g}"/>').format(
+        style, x, y, radius
+    )
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round values of a logarithmic axis: decades, or 1-2-5 steps where decades are few."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    steps = (1,) if math.log10(high / low) > 2.5 else (1, 2, 5)
+    return [v for d in decades for s in steps if low <= (v := float(f"{s}e{d}")) <= high]
+
+
+def linear_ticks(low: float, high: float, most: int = 6) -> list[float]:
+    """Round values of a linear axis, at most `most` + 1 of them."""
+    if high <= low:
+        return [low]
+    raw = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(s * power for s in (1, 2, 5, 10) if s * power >= raw * (1 - 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [round(i * step, 10) + 0.0 for i in range(first, last + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Series:
+    name: str
+    epochs: Float64
+    values: Float64
+
+
+def _positive_series(records: Sequence[Mapping[str, float]]) -> tuple[list[_Series], list[str]]:
+    """Series that a logarithmic axis can show, `total` last, and the names of the others."""
+    names = [
+        name
+        for name in dict.fromkeys(key for record in records for key in record)
+        if name != "epoch"
+    ]
+    series, flat = [], []
+    for name in sorted(names, key=lambda name: name == "total"):
+        pairs = np.array(
+            [(r["epoch"], r[name]) for r in records if name in r], dtype=np.float64
+        ).reshape(-1, 2)
+        pairs = pairs[np.isfinite(pairs).all(axis=1) & (pairs[:, 1] > 0)]
+        if len(pairs):
+            series.append(_Series(name, pairs[:, 0], pairs[:, 1]))
+        else:
+            flat.append(name)
+    return series, flat
+
+
+def _spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
+    """Label positions near the wanted ones, at least `gap` apart, in [low, high] if they fit."""
+    order = np.argsort(wanted, kind="stable")
+    placed = np.array([wanted[i] for i in order], dtype=np.float64)
+    for i in range(1, len(placed)):
+        placed[i] = max(placed[i], placed[i - 1] + gap)
+    if len(placed):
+        placed[-1] = min(placed[-1], high)
+    for i in range(len(placed) - 2, -1, -1):
+        placed[i] = min(placed[i], placed[i + 1] - gap)
+    placed += max(0.0, low - placed[0]) if len(placed) else 0.0
+    result = np.empty(len(placed))
+    result[order] = placed
+    return [float(value) for value in result]
+
+
+def loss_chart(
+    title: str, records: Sequence[Mapping[str, float]], terms: Sequence[str] = ()
+) -> Markup:
+    """Losses of a training phase over its epochs, on a logarithmic axis.
+
+    Parameters
+    ----------
+    title : str
+        The phase.
+    records : sequence of mappings
+        One an epoch: `epoch`, and losses by name; `total` is drawn bold.  Losses that are never
+        positive are named in the corner instead.
+    terms : sequence of str
+        Names in the order of their colours, so that a term looks the same in every phase.
+
+    Returns
+    -------
+    Markup
+        An `svg` element.
+    """
+    width, height, left, right, top, bottom = 460.0, 270.0, 60.0, 104.0, 28.0, 38.0
+    parts = [_text(left, 15, title, style="title")]
+    series, flat = _positive_series(records)
+    if not series:
+        parts.append(_text(width / 2, height / 2, "no losses above zero", "middle", "muted"))
+        return _svg(width, height, f"Losses, {title}", parts)
+    epochs = np.concatenate([s.epochs for s in series])
+    values = np.concatenate([s.values for s in series])
+    first, last = float(epochs.min()), float(epochs.max())
+    low, high = float(values.min()) / 1.15, float(values.max()) * 1.15
+
+    def at_x(epoch: Float64 | float) -> Float64:
+        share = (
+            (np.asarray(epoch) - first) / (last - first)
+            if last > first
+            else np.full(np.shape(epoch), 0.5)
+        )
+        return left + (width - left - right) * share
+
+    def at_y(value: Float64 | float) -> Float64:
+        return top + (height - top - bottom) * np.log(high / np.asarray(value)) / math.log(
+            high / low
+        )
+
+    for tick in log_ticks(low, high):
+        y = float(at_y(tick))
+        parts += [_line(left, y, width - right, y), _text(left - 6, y + 3.5, f"{tick:g}", "end")]
+    for tick in linear_ticks(first, last, 5):
+        if tick == int(tick):
+            parts.append(_text(float(at_x(tick)), height - bottom + 15, f"{tick:g}", "middle"))
+    parts.append(_line(left, height - bottom, width - right, height - bottom, "axis"))
+    parts.append(_text((left + width - right) / 2, height - 6, "epoch", "middle", "muted"))
+    middle = (top + height - bottom) / 2
+    parts.append(_upright(middle, "loss"))
+    ends = [float(at_y(s.values[-1])) for s in series]
+    labels = _spread(ends, 13.0, top + 4, height - bottom)
+    order = list(dict.fromkeys([*terms, *(s.name for s in series)]))
+    for s, end, label in zip(series, ends, labels, strict=True):
+        colour = "s-total" if s.name == "total" else f"s{order.index(s.name) % _SERIES + 1}"
+        path = "M" + "L".join(
+            f"{x:.1f} {y:.1f}" for x, y in zip(at_x(s.epochs), at_y(s.values), strict=True)
+        )
+        x = float(at_x(s.epochs[-1]))
+        parts.append(Markup('<path class="line {}" d="{}"/>').format(colour, path))
+        parts.append(_circle(f"dot {colour}", x, end, 2.4))
+        parts.append(_text(width - right + 8, label + 3.5, s.name[:18], style=f"label {colour}"))
+    if flat:
+        parts.append(_text(width - 4, 15, f"zero: {', '.join(flat)}", "end", "muted"))
+    return _svg(width, height, f"Losses, {title}", parts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strip:
+    """IoUs of a category's n models, per cent: cropped and positives only, (n,) float64 each."""
+
+    label: str
+    cropped: Float64
+    positives: Float64
+
+
+def strip_chart(strips: Sequence[Strip], axis: str) -> Markup:
+    """Every model's IoU as a tick, by category: positives only above, with negatives below.
+
+    Large marks are the means.  The strips of a category share a row.
+    """
+    if not strips:
+        return _svg(560, 60, axis, [_text(280, 34, "no models", "middle", "muted")])
+    widest = max(len(plain(s.label)) for s in strips)
+    left, right, row, top = min(170.0, 20.0 + 6.6 * widest), 18.0, 34.0, 26.0
+    width, height = 560.0, top + row * len(strips) + 40.0
+
+    def at(value: Float64 | float) -> Float64:
+        return left + (width - left - right) * np.asarray(value) / 100
+
+    parts: list[Markup] = []
+    for tick in range(0, 101, 20):
+        x = float(at(tick))
+        parts += [_line(x, top - 6, x, height - 34), _text(x, height - 20, str(tick), "middle")]
+    parts.append(_text(float(at(50)), height - 4, axis, "middle", "muted"))
+    for x, style, name in (
+        (left, "before", "positives only"),
+        (left + 118, "after", "positives and negatives"),
+    ):
+        parts.append(_circle(f"mean {style}", x + 4, 10, 4))
+        parts.append(_text(x + 14, 13.5, name))
+    for i, strip in enumerate(strips):
+        y = top + row * i
+        parts.append(
+            _text(left - 10, y + row / 2 + 3.5, _shorten(plain(strip.label), 24), "end", "label")
+        )
+        for values, offset, style in (
+            (strip.positives, 4.0, "before"),
+            (strip.cropped, 18.0, "after"),
+        ):
+            if not len(values):
+                continue
+            ticks = np.unique(np.round(at(values) * 2) / 2)
+            path = "".join(f"M{x:g} {y + offset:g}v11" for x in ticks)
+            parts.append(Markup('<path class="ticks {}" d="{}"/>').format(style, path))
+            parts.append(_circle(f"mean {style}", float(at(values.mean())), y + offset + 5.5, 4))
+    return _svg(width, height, axis, parts)
+
+
+def gain_chart(cropped: Float64, positives: Float64, measure: str) -> Markup:
+    """What negatives change, model by model: positives only across, with negatives up.
+
+    Parameters
+    ----------
+    cropped, positives : (n,) float64
+        Per cent.
+    measure : str
+        Name of the figure, for the axes.
+    """
+    size, left, top, right = 400.0, 46.0, 10.0, 10.0
+    span = size - left - right
+
+    def at_x(value: Float64 | float) -> Float64:
+        return left + span * np.asarray(value) / 100
+
+    def at_y(value: Float64 | float) -> Float64:
+        return top + span * (1 - np.asarray(value) / 100)
+
+    parts: list[Markup] = []
+    for tick in range(0, 101, 20):
+        x, y = float(at_x(tick)), float(at_y(tick))
+        parts += [_line(x, top, x, top + span), _line(left, y, left + span, y)]
+        parts += [
+            _text(x, top + span + 15, str(tick), "middle"),
+            _text(left - 6, y + 3.5, str(tick), "end"),
+        ]
+    parts.append(_line(left, top + span, left + span, top, "axis"))
+    parts.append(_text(left + span / 2, size - 8, f"{measure}, positives only", "middle", "muted"))
+    parts.append(_upright(top + span / 2, f"{measure}, positives and negatives"))
+    change = np.asarray(cropped) - np.asarray(positives)
+    worse, better = change < -0.05, change > 0.05
+    pixels = np.round(np.stack([at_x(positives), at_y(cropped)], axis=-1))
+    for style, chosen in (("loss", worse), ("same", ~worse & ~better), ("gain", better)):
+        spots = np.unique(pixels[chosen], axis=0)
+        path = "".join(f"M{px:g} {py:g}h0" for px, py in spots)
+        parts.append(Markup('<path class="spots {}" d="{}"/>').format(style, path))
+    parts.append(_text(left + 8, top + 16, f"{int(better.sum())} better", style="label gain"))
+    parts.append(
+        _text(left + span - 8, top + span - 8, f"{int(worse.sum())} worse", "end", "label loss")
+    )
+    return _svg(size, size - 4, f"{measure} with and without negatives", parts)
+
+
+def _shorten(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: most - 1] + "…"

@@ -1,0 +1,161 @@
+"""abstract: every shape to its abstraction, measured and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pnabs import batch
+from pnabs.batch.work import Committed
+from pnabs.formats import to_glb, to_json
+from pnabs.pipeline import Finished, Prediction, Predictor, Shape, finish
+from pnabs.settings import Settings
+from pnabs.stages.context import Context, model_rng, read_shard_rows
+from pnabs.stages.difference import models_of
+from pnabs.stages.plan import fingerprint, recipe_digest
+from pnabs.stages.sharded import ShardPlan, run_sharded
+from pnabs.stages.stored import StoredShard
+from pnabs.stages.train import weights_path
+from pnabs.store.atomic import file_digest, write_atomic
+from pnabs.store.metrics import write_metrics
+from pnabs.store.run import RunFolder, versions
+
+STAGE = "abstract"
+
+
+@dataclass(frozen=True, slots=True)
+class AbstractTask:
+    """One model, in the isolated child: post-process, crop, check, measure."""
+
+    job: Settings
+    provenance: dict[str, Any]
+
+    def __call__(self, payload: tuple[str, str, Prediction, Shape]) -> Finished:
+        """Finish one prediction."""
+        category, model_id, prediction, shape = payload
+        return finish(
+            prediction,
+            shape,
+            self.job.abstract,
+            category=category,
+            model_id=model_id,
+            rng=model_rng(self.job.seed, STAGE, category, model_id),
+            provenance=self.provenance,
+        )
+
+
+@dataclass
+class AbstractWork:
+    """A shard of fields to abstractions and metrics."""
+
+    job: Settings
+    home: str
+    positive: Path
+    negative: Path | None
+    provenance: dict[str, Any]
+    preload: tuple[str, ...] = ("pymeshlab", "pnabs.stages.abstract", "pnabs.stages.warm_geometry")
+    _predictor: Predictor | None = field(default=None, repr=False)
+
+    @property
+    def task(self) -> AbstractTask:
+        """What the child runs."""
+        return AbstractTask(self.job, self.provenance)
+
+    def setup(self) -> None:
+        """Load the networks."""
+        self._predictor = Predictor(
+            self.positive, self.negative, self.job, self.job.runtime.threads
+        )
+
+    def payloads(self, shard: str) -> Iterable[tuple[str, Any]]:
+        """The shard's models with what the networks predict for them."""
+        run = RunFolder(self.job.out)
+        models = models_of(run.ledger, read_shard_rows(run.catalogue, shard), shard)
+        if not models or self._predictor is None:
+            return
+        stored = StoredShard(run, self.job, shard, [row["row"] for row in models])
+        predictions = self._predictor(stored.occupancy, stored.sdf)
+        for row, prediction, shape in zip(models, predictions, stored.shapes(), strict=True):
+            yield row["model_id"], (row["category"], row["model_id"], prediction, shape)
+
+    def commit(self, shard: str, outcomes: Sequence[batch.Outcome]) -> Committed:
+        """Write each abstraction, then the shard's metrics: a row for every model there is."""
+        run = RunFolder(self.job.out)
+        variant = run.variant(self.home)
+        finished = {o.model_id: o.value for o in outcomes if o.kind == "ok"}
+        status = {outcome.model_id: str(outcome.kind) for outcome in outcomes}
+        ingested = run.ledger.read("ingest", shard)
+        for model in ingested.quarantined if ingested else ():
+            status[model.model_id] = model.kind
+        outputs: dict[str, Any] = {}
+        rows = []
+        for row in read_shard_rows(run.catalogue, shard):
+            category, model_id = row["category"], row["model_id"]
+            entry = {name: row[name] for name in ("category", "model_id", "split")}
+            entry["status"] = status[model_id]
+            result: Finished | None = finished.get(model_id)
+            if result is not None:
+                abstraction = result.abstraction
+                entry |= abstraction.metrics
+                entry["check_ok"] = abstraction.check["ok"]
+                entry["positive_cuboids"] = abstraction.positives.as_vector().tolist()
+                entry["negative_cuboids"] = abstraction.negatives.as_vector().tolist()
+                folder = variant.abstraction(category, model_id)
+                outputs |= self._write(run, folder, result)
+            rows.append(entry)
+        outputs |= write_metrics(run.root, variant.metrics(shard), rows)
+        return Committed(outputs, {})
+
+    def _write(self, run: RunFolder, folder: Path, result: Finished) -> dict[str, Any]:
+        files = {}
+        if self.job.abstract.write_json:
+            files["abstraction.json"] = to_json(result.abstraction)
+        if self.job.abstract.write_glb:
+            files["abstraction.glb"] = to_glb(result.abstraction, result.mesh)
+        outputs = {}
+        for name, data in files.items():
+            path = folder / name
+            write_atomic(path, data)
+            outputs[path.relative_to(run.root).as_posix()] = file_digest(path)
+        return outputs
+
+
+def plans(context: Context, variant: str) -> list[ShardPlan]:
+    """Every ingested shard and what its abstractions depend on."""
+    job = context.variants[variant]
+    weights = [
+        file_digest(path)["sha256"] for path in _weights(context, variant) if path is not None
+    ]
+    out = []
+    for shard, rows in context.shards():
+        record = context.run.ledger.read("ingest", shard)
+        if record is None:
+            continue
+        models = models_of(context.run.ledger, rows, shard)
+        splits = [[row["model_id"], row["split"]] for row in rows]
+        inputs = {"weights": weights, "ingest": record.digest, "models": splits}
+        out.append(ShardPlan(shard, fingerprint(STAGE, job, inputs), len(models)))
+    return out
+
+
+def run(context: Context, variant: str) -> None:
+    """Do the stage for a variant that has it at home."""
+    job = context.variants[variant]
+    positive, negative = _weights(context, variant)
+    provenance = {
+        "pnabs": versions()["pnabs"],
+        "recipe": recipe_digest(STAGE, job),
+        "seed": job.seed,
+    }
+    work = AbstractWork(job, variant, positive, negative, provenance)
+    name = context.run.variant(variant).stage(STAGE)
+    run_sharded(context, name, work, plans(context, variant), lambda _: None)
+
+
+def _weights(context: Context, variant: str) -> tuple[Path, Path | None]:
+    positive = weights_path(context, variant, "positive")
+    if not context.variants[variant].abstract.negatives:
+        return positive, None
+    return positive, weights_path(context, variant, "negative")

@@ -1,0 +1,100 @@
+"""Ray: started here, or a cluster joined; quiet, and with the run folder shared."""
+
+from __future__ import annotations
+
+import logging
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pnabs.stages.errors import RefusedError
+
+LOCAL_OBJECT_STORE = 256 * 2**20
+"""Bytes of the object store on one machine: only small results travel through it."""
+
+
+@contextmanager
+def ray_session(address: str | None, run: Path) -> Iterator[None]:
+    """An initialised Ray while the body runs; one that is there already is left running.
+
+    Parameters
+    ----------
+    address
+        A cluster's address, `auto`, or None: the one of RAY_ADDRESS, else a local Ray.
+    run
+        The run folder; every node must see it.
+
+    Raises
+    ------
+    RefusedError
+        When a node doesn't see the run folder, or no cluster answers at the address.
+    """
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    # Start-up of training workers imports torch; a busy machine needs longer than Ray's minute.
+    os.environ.setdefault("RAY_TRAIN_WORKER_GROUP_START_TIMEOUT_S", "300")
+    os.environ.setdefault("RAY_TRAIN_HEALTH_CHECK_INTERVAL_S", "0.2")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    address = address or os.environ.get("RAY_ADDRESS")
+    if address is None:
+        # Nothing but this user's own processes talks to a local Ray.
+        os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+    import ray
+
+    if ray.is_initialized():
+        yield
+        return
+    local = {"include_dashboard": False, "object_store_memory": LOCAL_OBJECT_STORE}
+    options: dict[str, Any] = local if address is None else {"address": address}
+    try:
+        ray.init(log_to_driver=False, logging_level=logging.ERROR, **options)
+    except ConnectionError as error:
+        raise RefusedError(f"no Ray cluster answers at {address}: {error}") from None
+    try:
+        if address is not None:
+            _check_shared(run)
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _check_shared(run: Path) -> None:
+    import ray
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    nonce = secrets.token_hex(8)
+    path = run / f".shared-{nonce}"
+    path.write_text(nonce)
+
+    @ray.remote(num_cpus=0)
+    def sees(path: str) -> str:
+        try:
+            return Path(path).read_text()
+        except OSError as error:
+            return f"{type(error).__name__}: {error}"
+
+    try:
+        known: list[dict[str, Any]] = ray.nodes()  # type: ignore[no-untyped-call]
+        nodes = [node for node in known if node["Alive"]]
+        answers = ray.get(
+            [
+                sees.options(
+                    scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+                ).remote(str(path))
+                for node in nodes
+            ]
+        )
+    finally:
+        path.unlink(missing_ok=True)
+    blind = [
+        f"{node['NodeManagerHostname']} ({answer})"
+        for node, answer in zip(nodes, answers, strict=True)
+        if answer != nonce
+    ]
+    if blind:
+        raise RefusedError(
+            f"the run folder {run} is not on storage that all nodes share; "
+            f"these don't see it: {', '.join(blind)}. Put `out` on a shared disk."
+        )

@@ -1,0 +1,35 @@
+"""How a run can end other than well; each has its exit code (DESIGN, command line)."""
+
+from __future__ import annotations
+
+
+class RunError(Exception):
+    """Base of what ends a run with a message for the user."""
+
+    exit_code = 1
+
+
+class RefusedError(RunError):
+    """The run folder is held, or settings or inputs changed, or storage isn't shared."""
+
+    exit_code = 4
+
+
+class TooManyFailedError(RunError):
+    """More models fell out of a stage than `max_failed` allows."""
+
+    exit_code = 3
+
+
+class ShardsFailedError(RunError):
+    """Shards could not be finished for causes that are no model's; running again resumes."""
+
+    exit_code = 3
+
+
+class InterruptedRunError(RunError):
+    """SIGINT or SIGTERM; `exit_code` is 130 or 143."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code

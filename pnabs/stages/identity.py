@@ -1,0 +1,80 @@
+"""Whether a run folder's past and the present job fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from pnabs.settings import Settings
+from pnabs.stages.errors import RefusedError
+from pnabs.stages.plan import VERSIONS, recipe_digest
+
+FIXED = ("dataset.layout", "dataset.shard_size")
+"""Settings that the whole run folder is laid out by."""
+
+HARMLESS = ("runtime.", "report.", "out", "dataset.root", "dataset.limit", "dataset.categories")
+"""Place and looks; what the dataset's root and choice change, the catalogue's comparison tells."""
+
+
+def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bool) -> None:
+    """Compare run.json with the job.
+
+    Raises
+    ------
+    RefusedError
+        When settings or stage versions that affect results differ and `accept` is
+        False, or the folder's layout would have to change; shows what differs and
+        which stages would be redone.
+    """
+    if identity is None:
+        return
+    before = dict(_flat(identity["settings"]))
+    now = dict(_flat(job.model_dump(mode="json")))
+    differences = [
+        (key, before.get(key), now.get(key))
+        for key in sorted(before.keys() | now.keys())
+        if before.get(key) != now.get(key) and not key.startswith(HARMLESS)
+    ]
+    lines = [f"  {key}: {old!r} -> {new!r}" for key, old, new in differences]
+    fixed = [key for key, _, _ in differences if key in FIXED]
+    if fixed:
+        raise RefusedError(
+            "the run folder is laid out by settings that now differ:\n"
+            + "\n".join(lines)
+            + f"\nSet {', '.join(fixed)} back, or give another folder with --out."
+        )
+    redone = {
+        stage: f"version {identity['stage_versions'].get(stage)} -> {version}"
+        for stage, version in VERSIONS.items()
+        if identity["stage_versions"].get(stage) != version
+    }
+    lines += [f"  stage {stage}: {change}" for stage, change in redone.items()]
+    if not lines or accept:
+        return
+    stages = ", ".join(_redone(identity["settings"], job)) or "none"
+    raise RefusedError(
+        "the job differs from what this run folder was made with:\n"
+        + "\n".join(lines)
+        + f"\nStages to be redone: {stages}. --accept-changes does that; "
+        "--out gives another folder."
+    )
+
+
+def _redone(settings: dict[str, Any], job: Settings) -> list[str]:
+    try:
+        before = Settings.model_validate(settings)
+    except ValidationError:
+        return list(VERSIONS)
+    return [
+        stage for stage in VERSIONS if recipe_digest(stage, before) != recipe_digest(stage, job)
+    ]
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, dict) and value:
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value

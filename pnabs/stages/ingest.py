@@ -1,0 +1,119 @@
+"""ingest: meshes to solids, fields and samples.  The last stage that opens the dataset."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from pnabs import batch
+from pnabs.batch.work import Committed
+from pnabs.dataset.errors import SourceError
+from pnabs.dataset.source import Dataset
+from pnabs.geometry.fields import Fields, compute_fields
+from pnabs.geometry.load import InvalidMeshError, parse_mesh
+from pnabs.settings import Settings
+from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
+from pnabs.stages.plan import fingerprint
+from pnabs.stages.sharded import ShardPlan, run_sharded
+from pnabs.store.run import RunFolder
+
+STAGE = "ingest"
+
+
+@dataclass(frozen=True, slots=True)
+class IngestTask:
+    """One model, in the isolated child: read, parse, make fields."""
+
+    job: Settings
+
+    def __call__(self, row: dict[str, Any]) -> tuple[str, Fields]:
+        """SHA-256 of the mesh's bytes, and its fields.
+
+        Raises
+        ------
+        pnabs.batch.InvalidInput
+            When the model has no readable mesh.
+        """
+        if row["reason"]:
+            raise batch.InvalidInput(row["reason"])
+        options = self.job.ingest
+        dataset = Dataset(self.job.dataset.root)
+        source = row["source"]
+        try:
+            data = dataset.read(source, options.limits.max_bytes)
+            suffix = PurePosixPath(source.rpartition("!")[2]).suffix.lower()
+            sibling = dataset.sibling_reader(source, options.limits.max_bytes)
+            mesh = parse_mesh(data, suffix, options.limits, sibling)
+            rng = model_rng(self.job.seed, STAGE, row["category"], row["model_id"])
+            fields = compute_fields(mesh, options, self.job.dataset.layout, rng)
+        except (SourceError, InvalidMeshError) as error:
+            text = str(error)
+            raise batch.InvalidInput(text if source in text else f"{source}: {text}") from None
+        return hashlib.sha256(data).hexdigest(), fields
+
+
+@dataclass
+class IngestWork:
+    """A shard of meshes to a shard of RUN/fields.zarr."""
+
+    job: Settings
+    preload: tuple[str, ...] = ("pnabs.stages.ingest", "pnabs.stages.warm_geometry")
+
+    @property
+    def task(self) -> IngestTask:
+        """What the child runs."""
+        return IngestTask(self.job)
+
+    def setup(self) -> None:
+        """Nothing: all work is the child's."""
+
+    def payloads(self, shard: str) -> Iterable[tuple[str, Any]]:
+        """The catalogue's rows of the shard."""
+        for row in read_shard_rows(RunFolder(self.job.out).catalogue, shard):
+            yield str(row["model_id"]), row
+
+    def commit(self, shard: str, outcomes: Sequence[batch.Outcome]) -> Committed:
+        """Write the shard's rows; a model that fell out stays zero with `valid` 0."""
+        store = RunFolder(self.job.out).fields(self.job)
+        category, number = split_shard(shard)
+        arrays = {
+            spec.name: np.zeros((len(outcomes), *spec.shape), spec.dtype) for spec in store.specs
+        }
+        notes = {}
+        for row, outcome in enumerate(outcomes):
+            if outcome.kind != "ok":
+                continue
+            source_digest, fields = outcome.value
+            notes[outcome.model_id] = {"source_sha256": source_digest}
+            arrays["valid"][row] = 1
+            arrays["occupancy_64"][row] = np.packbits(fields.occupancy_64.reshape(-1))
+            arrays["preview"][row, : len(fields.preview)] = fields.preview
+            for name in ("occupancy", "sdf", "surface", "interior", "transform", "mirror"):
+                arrays[name][row] = getattr(fields, name)
+        return Committed(store.write_shard(category, number, arrays), notes)
+
+
+def plans(context: Context) -> list[ShardPlan]:
+    """Every shard with what its result depends on: settings, and its models' files."""
+    out = []
+    for shard, models in context.shards():
+        names = ("model_id", "source", "size", "reason")
+        inputs = [[row[name] for name in names] for row in models]
+        out.append(ShardPlan(shard, fingerprint(STAGE, context.job, inputs), len(models)))
+    return out
+
+
+def run(context: Context) -> None:
+    """Do the stage."""
+    store = context.run.fields(context.job)
+
+    def prepare(shards: dict[str, int]) -> None:
+        for category, count in shards.items():
+            store.ensure(category, count)
+
+    run_sharded(context, STAGE, IngestWork(context.job), plans(context), prepare)

@@ -1,0 +1,183 @@
+"""report: tables and page from what is stored; needs no Ray and no dataset."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import yaml
+
+from pnabs import report
+from pnabs.dataset.synsets import name_of
+from pnabs.geometry import cuboid
+from pnabs.geometry.solidify import CropRecipe, make_solid
+from pnabs.geometry.types import Cuboids, Float64, Mesh
+from pnabs.settings import Settings
+from pnabs.stages.context import Context, split_shard
+from pnabs.stages.errors import RunError
+from pnabs.stages.train import CURVES, PHASES, is_done, phase_plans
+from pnabs.store.atomic import write_atomic
+from pnabs.store.events import read_events
+from pnabs.store.metrics import read_metrics
+
+STAGE = "report"
+
+
+def run(context: Context, command: str) -> str:
+    """Write RUN/report/index.html and tables.json; returns the tables as text.
+
+    Raises
+    ------
+    RunError
+        When nothing is abstracted yet.
+    """
+    job = context.job
+    rows = {name: _rows(context, name) for name in context.variants}
+    if not any(len(table) for table in rows.values()):
+        raise RunError("there is nothing to report yet: no shard has been abstracted")
+    categories = sorted(set(context.catalogue["category"].unique().to_pylist()))
+    names = {category: name_of(category) for category in categories}
+    split = _covered(job, rows["main"])
+    rng = np.random.default_rng([job.seed, 1])
+    tables = report.build_tables(rows, rng, names=names, split=split)
+    identity = context.run.read_identity() or {}
+    data = report.ReportData(
+        title=f"Abstractions of {job.dataset.root.name}",
+        tables=tables,
+        rows=rows,
+        names=names,
+        split=split,
+        seed=job.seed,
+        curves=_curves(context),
+        gallery=list(_gallery(context, rows["main"], split)),
+        quarantine=list(_quarantine(context)),
+        timings=_timings(context),
+        settings_yaml=yaml.safe_dump(job.model_dump(mode="json"), sort_keys=False),
+        versions=identity.get("versions", {}),
+        fingerprint=identity.get("dataset_fingerprint", ""),
+        command=command,
+    )
+    write_atomic(context.run.report / "tables.json", tables.to_json().encode())
+    report.write_page(data, context.run.report / "index.html")
+    return report.render_text(tables)
+
+
+def _rows(context: Context, variant: str) -> pa.Table:
+    home = context.home("abstract", variant)
+    done = set(context.run.ledger.shards(home.stage("abstract")))
+    return read_metrics([home.metrics(shard) for shard, _ in context.shards() if shard in done])
+
+
+def _covered(job: Settings, rows: pa.Table) -> str:
+    # A job with given weights may have no test split; then all models are covered.
+    split = job.report.split
+    present = set(rows["split"].unique().to_pylist())
+    return split if split == "all" or split in present else "all"
+
+
+def _gallery(context: Context, rows: pa.Table, split: str) -> Iterator[report.GalleryItem]:
+    job = context.job
+    store = context.run.fields(job)
+    place = {
+        (row["category"], row["model_id"]): (shard, row["row"])
+        for shard, models in context.shards()
+        for row in models
+    }
+    chosen = rows.filter(pc.equal(rows["status"], "ok"))
+    if split != "all":
+        chosen = chosen.filter(pc.equal(chosen["split"], split))
+    by_category: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    order = chosen.sort_by([("iou_64", "descending"), ("model_id", "ascending")])
+    for row in order.to_pylist():
+        by_category[row["category"]].append(row)
+    for category in sorted(by_category):
+        ranked = by_category[category]
+        count = min(job.report.pictures, len(ranked))
+        for position in np.unique(np.linspace(0, len(ranked) - 1, count).round().astype(int)):
+            row = ranked[position]
+            shard, index = place[category, row["model_id"]]
+            number = split_shard(shard)[1]
+            triangles = store.read_shard(category, number, "preview", index + 1)[index]
+            yield _item(job, row, triangles.astype(np.float64))
+
+
+def _item(
+    job: Settings, row: dict[str, Any], triangles: np.ndarray[Any, Any]
+) -> report.GalleryItem:
+    positives = Cuboids.from_vector(np.array(row["positive_cuboids"]))
+    negatives = Cuboids.from_vector(np.array(row["negative_cuboids"]))
+    options = job.abstract
+    recipe = CropRecipe(options.min_side, options.jitter, 0, 0, options.debris)
+    solid = make_solid(positives, negatives, recipe)
+    return report.GalleryItem(
+        category=row["category"],
+        model_id=row["model_id"],
+        original=_soup(triangles),
+        positives=cuboid.to_mesh(positives),
+        negatives=cuboid.to_mesh(negatives),
+        result=Mesh(solid.vertices.astype(np.float64), solid.faces.astype(np.int64)),
+        row=row,
+        result_source=solid.source.astype(np.int64),
+        positives_part=np.repeat(np.arange(len(positives)), 12),
+    )
+
+
+def _soup(triangles: Float64) -> Mesh:
+    # Unused rows of the preview are zero: triangles without extent.
+    used = triangles[np.ptp(triangles, axis=1).any(axis=1)]
+    return Mesh(used.reshape(-1, 3), np.arange(3 * len(used)).reshape(-1, 3))
+
+
+def _curves(context: Context) -> dict[str, list[dict[str, float]]]:
+    curves = {}
+    modules = ["positive", "negative"] if context.job.abstract.negatives else ["positive"]
+    if context.job.weights is not None:
+        return {}
+    for module in modules:
+        for phase, plan in zip(PHASES, phase_plans(context, "main", module), strict=True):
+            if is_done(plan):
+                curves[f"{module}-{phase}"] = json.loads((plan.folder / CURVES).read_bytes())
+    return curves
+
+
+def _quarantine(context: Context) -> Iterator[report.Quarantined]:
+    ledger = context.run.ledger
+    for stage in ledger.stages():
+        for shard in ledger.shards(stage):
+            record = ledger.read(stage, shard)
+            for model in record.quarantined if record else ():
+                category = split_shard(shard)[0]
+                yield report.Quarantined(stage, category, model.model_id, model.kind, model.reason)
+
+
+def _timings(context: Context) -> list[report.StageTiming]:
+    """Wall time of each stage over all sessions, with the largest process it had."""
+    begun: dict[tuple[int, str], float] = {}
+    seconds: dict[str, float] = defaultdict(float)
+    models: dict[str, int] = defaultdict(int)
+    fallen: dict[str, int] = defaultdict(int)
+    peak: dict[str, int] = defaultdict(int)
+    for event in read_events(context.run.root):
+        name, kind = event.get("phase") or event.get("stage", ""), event["event"]
+        if kind in ("stage-start", "phase-start"):
+            begun[event["pid"], name] = event["time"]
+            seconds.setdefault(name, 0.0)
+        elif kind in ("stage-end", "phase-end"):
+            start = begun.pop((event["pid"], name), event["time"])
+            seconds[name] += event["time"] - start
+        elif kind == "shard":
+            models[name] += event["models"]
+            fallen[name] += event["quarantined"]
+        elif kind == "end":
+            models[name] += event["models"]
+        if "peak_memory" in event:
+            peak[name] = max(peak[name], event["peak_memory"])
+    return [
+        report.StageTiming(name, seconds[name], models[name], fallen[name], peak[name] or None)
+        for name in seconds
+    ]

@@ -1,0 +1,201 @@
+"""A whole run: what is missing, stage after stage."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pnabs.batch import Executor, WorkerLimits
+from pnabs.dataset import catalogue as catalogues
+from pnabs.dataset.synsets import resolve_category
+from pnabs.stages import abstract, difference, ingest, report, train
+from pnabs.stages.context import Context
+from pnabs.stages.errors import InterruptedRunError, RefusedError
+from pnabs.stages.identity import check_identity
+from pnabs.stages.interrupts import Interrupts
+from pnabs.stages.job import Job
+from pnabs.stages.plan import STAGES, VERSIONS, homes
+from pnabs.stages.progress import Reporter
+from pnabs.stages.scan import scan
+from pnabs.store.events import EventLog
+from pnabs.store.lock import LockedError, run_lock
+from pnabs.store.run import RunFolder
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a command line adds to a job.
+
+    Attributes
+    ----------
+    address
+        Ray's address; None starts one here, or joins the one of RAY_ADDRESS.
+    stages
+        Stages to do; all when empty.
+    categories
+        Categories to do, by name or alias; all when empty.
+    max_failed
+        Per cent of the models that may fall out of a stage; the job's when None.
+    accept
+        Redo what changed settings, inputs or versions call for.
+    command
+        The command that makes the run again.
+    """
+
+    address: str | None = None
+    stages: Sequence[str] = ()
+    categories: Sequence[str] = ()
+    max_failed: float | None = None
+    accept: bool = False
+    command: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a run ended: tables as text (when reported), problems, the exit code they make."""
+
+    tables: str
+    page: Path | None
+    problems: tuple[str, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0, or 3 when too much failed."""
+        return 3 if self.problems else 0
+
+
+def run_job(
+    job: Job,
+    options: Options,
+    reporter: Reporter,
+    executor: Callable[[WorkerLimits], Executor] | None = None,
+) -> Result:
+    """Do what is missing of a job.
+
+    Parameters
+    ----------
+    executor
+        Replaces the Ray actors of the sharded stages.
+
+    Raises
+    ------
+    RunError
+        With its exit code: refused, interrupted, too much failed, or nothing to work on.
+    pnabs.dataset.errors.DatasetError
+        When the dataset can't be used.
+    """
+    run = RunFolder(job.settings.out)
+    interrupts = Interrupts()
+    with ExitStack() as stack:
+        stack.enter_context(interrupts.installed())
+        try:
+            stack.enter_context(run_lock(run.root))
+        except LockedError as error:
+            raise RefusedError(str(error)) from None
+        context = open_run(job, options, reporter, interrupts, stack, executor)
+        try:
+            return _do(context, options)
+        except InterruptedRunError as error:
+            raise InterruptedRunError(
+                f"{error}. To go on: {options.command or 'run again'}", error.exit_code
+            ) from None
+
+
+def open_run(
+    job: Job,
+    options: Options,
+    reporter: Reporter,
+    interrupts: Interrupts,
+    stack: ExitStack,
+    executor: Callable[[WorkerLimits], Executor] | None = None,
+) -> Context:
+    """The run's context, its folder opened or made; Ray is started when first needed."""
+    settings = job.settings
+    run = RunFolder(settings.out)
+    check_identity(run.read_identity(), settings, accept=options.accept)
+    catalogue = scan(settings, run, reporter, accept=options.accept)
+    run.write_identity(
+        settings,
+        origins=job.origins,
+        stage_versions=VERSIONS,
+        dataset_fingerprint=catalogues.fingerprint(catalogue),
+        command=options.command,
+    )
+    events = EventLog(run.root, "driver")
+    stack.callback(events.close)
+    started: list[bool] = []
+
+    def start_ray() -> None:
+        if started:
+            return
+        from pnabs.stages.cluster import ray_session
+
+        reporter.say("starting Ray ..." if options.address is None else "joining Ray ...")
+        stack.enter_context(ray_session(options.address, run.root))
+        interrupts.install()
+        started.append(True)
+
+    runtime = settings.runtime
+    limits = WorkerLimits(runtime.deadline, runtime.memory)
+
+    def on_ray() -> Executor:
+        start_ray()
+        from pnabs.batch.ray_executor import RayExecutor
+
+        return RayExecutor(limits, runtime.actors, runtime.threads)
+
+    allowed = runtime.max_failed if options.max_failed is None else options.max_failed
+    return Context(
+        job=settings,
+        variants=job.variants(),
+        run=run,
+        catalogue=select(catalogue, options.categories),
+        executor=on_ray if executor is None else functools.partial(executor, limits),
+        reporter=reporter,
+        events=events,
+        max_failed=allowed,
+        interrupted=interrupts,
+        start_ray=start_ray,
+    )
+
+
+def select(catalogue: pa.Table, categories: Sequence[str]) -> pa.Table:
+    """The catalogue's rows of some categories, by name or alias; all when none is named."""
+    if not categories:
+        return catalogue
+    available = catalogue["category"].unique().to_pylist()
+    wanted = [resolve_category(name, available) for name in categories]
+    return catalogue.filter(pc.is_in(catalogue["category"], value_set=pa.array(wanted)))
+
+
+def _do(context: Context, options: Options) -> Result:
+    stages = options.stages or STAGES
+    jobs = context.variants
+    if "ingest" in stages:
+        ingest.run(context)
+    for name, job in jobs.items():
+        trained = job.weights is None
+        cropped = trained and job.abstract.negatives
+
+        def at_home(stage: str, name: str = name) -> bool:
+            return stage in stages and homes(jobs, stage)[name] == name
+
+        if trained and at_home("train-positive"):
+            train.run(context, name, "positive")
+        if cropped and at_home("difference"):
+            difference.run(context, name)
+        if cropped and at_home("train-negative"):
+            train.run(context, name, "negative")
+        if at_home("abstract"):
+            abstract.run(context, name)
+    tables, page = "", None
+    if "report" in stages:
+        tables = report.run(context, options.command)
+        page = context.run.report / "index.html"
+    return Result(tables, page, tuple(context.problems))

@@ -1,0 +1,62 @@
+"""Rows of RUN/fields.zarr as shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnabs.pipeline import Shape
+from pnabs.settings import Settings
+from pnabs.stages.context import split_shard
+from pnabs.store.run import RunFolder
+
+NAMES = ("occupancy", "occupancy_64", "sdf", "surface", "transform")
+
+
+class StoredShard:
+    """The shapes of one shard that came through ingest.
+
+    Parameters
+    ----------
+    rows
+        Their rows in the shard, ascending.
+
+    Raises
+    ------
+    pnabs.store.arrays.DamagedArrayError
+        When stored data is missing or damaged.
+    """
+
+    def __init__(self, run: RunFolder, job: Settings, shard: str, rows: list[int]) -> None:
+        self.rows = rows
+        store = run.fields(job)
+        category, number = split_shard(shard)
+        count = max(rows, default=-1) + 1
+        self._arrays: dict[str, NDArray[Any]] = {
+            name: store.read_shard(category, number, name, count)[rows] for name in NAMES
+        }
+
+    @property
+    def occupancy(self) -> NDArray[np.bool_]:
+        """(n, 32, 32, 32) bool."""
+        return self._arrays["occupancy"].astype(bool)
+
+    @property
+    def sdf(self) -> NDArray[np.float32]:
+        """(n, 32, 32, 32) float32."""
+        return self._arrays["sdf"]
+
+    def shapes(self) -> Iterator[Shape]:
+        """Each row as a shape."""
+        for i in range(len(self.rows)):
+            bits = np.unpackbits(self._arrays["occupancy_64"][i]).reshape(64, 64, 64)
+            yield Shape(
+                self._arrays["occupancy"][i].astype(bool),
+                bits.astype(bool),
+                self._arrays["sdf"][i],
+                self._arrays["surface"][i],
+                self._arrays["transform"][i],
+            )

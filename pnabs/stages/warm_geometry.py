@@ -1,0 +1,9 @@
+"""Importing this module makes geometry's compiled kernels ready.
+
+The fork server of a worker's children imports it once, so that no child compiles
+or loads kernels for itself.
+"""
+
+from pnabs.geometry.fields import warm_up
+
+warm_up()

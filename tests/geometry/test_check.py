@@ -1,0 +1,126 @@
+"""The final check must find what is broken, and pass what is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pnabs.geometry import cuboid
+from pnabs.geometry.check import check
+from tests.geometry.boxes import axis_aligned
+
+Arrays = tuple[np.ndarray, np.ndarray]
+
+
+def box() -> Arrays:
+    mesh = cuboid.to_mesh(axis_aligned(([0.5, 0.3, 0.2], [0, 0, 0])))
+    return mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
+
+
+def two_boxes(offset: float) -> Arrays:
+    mesh = cuboid.to_mesh(
+        axis_aligned(([0.5, 0.3, 0.2], [0, 0, 0]), ([0.5, 0.3, 0.2], [offset, 0.1, 0.05]))
+    )
+    return mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
+
+
+def test_a_whole_mesh_passes() -> None:
+    report = check(*box())
+    assert report.ok
+    assert report.as_dict() == {
+        "closed": True,
+        "two_manifold": True,
+        "self_intersections": 0,
+        "duplicate_vertices": 0,
+        "unreferenced_vertices": 0,
+        "degenerate_faces": 0,
+        "components": 1,
+        "ok": True,
+    }
+    assert check(*two_boxes(2.0)).components == 2
+    assert check(*two_boxes(2.0)).ok
+
+
+def without_a_face(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
+    return vertices, faces[1:]
+
+
+def with_a_fin(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
+    tip = np.float32([[1, 1, 1]])
+    fin = np.array([[faces[0, 0], faces[0, 1], len(vertices)]], dtype=np.int32)
+    return np.concatenate([vertices, tip]), np.concatenate([faces, fin])
+
+
+def with_a_loose_vertex(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
+    return np.concatenate([vertices, np.float32([[1, 1, 1]])]), faces
+
+
+def with_a_split_vertex(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
+    faces = faces.copy()
+    faces[0, 0] = len(vertices)
+    return np.concatenate([vertices, vertices[[box()[1][0, 0]]]]), faces
+
+
+def with_a_flat_face(vertices: np.ndarray, faces: np.ndarray) -> Arrays:
+    # A vertex halfway along an edge, its two faces split, one more face folded on the edge.
+    a, b = faces[0, 0], faces[0, 1]
+    middle = len(vertices)
+    vertices = np.concatenate([vertices, (vertices[[a]] + vertices[[b]]) / 2])
+    rest = [
+        [middle if v == b else v for v in faces[0]],
+        [middle if v == a else v for v in faces[0]],
+    ]
+    flat = [a, b, middle]
+    return vertices, np.concatenate([faces[1:], np.array([*rest, flat], dtype=np.int32)])
+
+
+@pytest.mark.parametrize(
+    ("damage", "finding"),
+    [
+        (without_a_face, {"closed": False}),
+        (with_a_fin, {"two_manifold": False}),
+        (with_a_loose_vertex, {"unreferenced_vertices": 1}),
+        (with_a_split_vertex, {"closed": False, "duplicate_vertices": 1}),
+        (with_a_flat_face, {"degenerate_faces": 1}),
+    ],
+)
+def test_damage_is_found(
+    damage: Callable[[np.ndarray, np.ndarray], Arrays], finding: dict[str, object]
+) -> None:
+    report = check(*damage(*box()))
+    assert not report.ok
+    assert finding.items() <= report.as_dict().items()
+
+
+def test_overlapping_shells_intersect() -> None:
+    report = check(*two_boxes(0.2))
+    assert report.closed
+    assert report.self_intersections > 0
+    assert not report.ok
+
+
+def test_boxes_that_share_an_edge_have_duplicate_vertices() -> None:
+    mesh = cuboid.to_mesh(
+        axis_aligned(([0.5, 0.5, 0.5], [0.25, 0.25, 0]), ([0.5, 0.5, 0.5], [-0.25, -0.25, 0]))
+    )
+    report = check(mesh.vertices.astype(np.float32), mesh.faces)
+    assert report.duplicate_vertices == 2
+    assert not report.ok
+
+
+def test_an_empty_mesh_is_not_ok() -> None:
+    report = check(np.zeros((0, 3), dtype=np.float32), np.zeros((0, 3), dtype=np.int32))
+    assert report.components == 0
+    assert not report.ok
+
+
+def test_it_takes_only_what_is_written() -> None:
+    vertices, faces = box()
+    with pytest.raises(ValueError, match="float32"):
+        check(vertices.astype(np.float64), faces)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="finite"):
+        check(np.full_like(vertices, np.nan), faces)
+    with pytest.raises(ValueError, match="outside 0"):
+        check(vertices, faces + 1)

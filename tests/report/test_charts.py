@@ -1,0 +1,127 @@
+"""Charts: ticks, positions and bounded size."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnabs.report.charts import (
+    Strip,
+    _spread,
+    gain_chart,
+    linear_ticks,
+    log_ticks,
+    loss_chart,
+    strip_chart,
+)
+
+
+def parse(markup):
+    return ElementTree.fromstring(str(markup))
+
+
+def texts(markup):
+    return ["".join(node.itertext()) for node in parse(markup).iter("text")]
+
+
+@given(st.floats(1e-9, 1e6), st.floats(1.5, 1e8))
+def test_log_ticks_are_round_and_within(low, ratio):
+    ticks = log_ticks(low, low * ratio)
+    assert all(low <= tick <= low * ratio for tick in ticks)
+    assert ticks == sorted(set(ticks))
+    assert all(f"{tick:.6e}"[:8] in ("1.000000", "2.000000", "5.000000") for tick in ticks)
+    if ratio > 10:
+        assert ticks
+
+
+@given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4), st.integers(2, 10))
+def test_linear_ticks_are_evenly_spaced_and_few(low, span, most):
+    ticks = linear_ticks(low, low + span, most)
+    assert len(ticks) <= most + 1
+    assert all(low - 1e-6 * span - 1e-8 <= t <= low + span * (1 + 1e-6) + 1e-8 for t in ticks)
+    if len(ticks) > 2:
+        np.testing.assert_allclose(np.diff(ticks), ticks[1] - ticks[0], rtol=1e-4)
+
+
+@given(st.lists(st.floats(0, 200), max_size=12))
+def test_labels_keep_apart_and_inside(wanted):
+    placed = _spread(wanted, 13.0, 0.0, 200.0)
+    assert len(placed) == len(wanted)
+    ordered = np.sort(placed)
+    assert (np.diff(ordered) >= 13.0 - 1e-9).all()
+    assert not placed or (ordered[0] >= -1e-9 and ordered[-1] <= 200 + 1e-9)
+
+
+def test_labels_with_room_stay_where_they_are_wanted():
+    assert _spread([50.0, 10.0, 90.0], 13.0, 0.0, 100.0) == [50.0, 10.0, 90.0]
+
+
+def test_loss_falls_by_equal_steps_on_the_logarithmic_axis():
+    records = [{"epoch": i, "total": 10.0**-i} for i in range(1, 4)]
+    path = parse(loss_chart("phase", records)).find("path")
+    assert "s-total" in path.get("class")
+    points = np.array([[float(v) for v in p.split()] for p in path.get("d")[1:].split("L")])
+    np.testing.assert_allclose(np.diff(points[:, 1]), np.diff(points[:, 1])[0], atol=0.11)
+    assert (np.diff(points, axis=0) > 0).all()  # to the right and down
+
+
+def test_losses_that_are_never_positive_are_named_instead():
+    chart = loss_chart("phase", [{"epoch": 1, "total": 1.0, "L_R": 0.0, "bad": float("nan")}])
+    assert len(parse(chart).findall("path")) == 1
+    assert "zero: L_R, bad" in texts(chart)
+    assert "no losses above zero" in texts(loss_chart("phase", []))
+
+
+def test_a_term_has_one_colour_in_all_phases():
+    terms = ["fit1", "fit2", "symmetry"]
+    first = parse(loss_chart("a", [{"epoch": 1, "fit2": 1.0, "symmetry": 2.0}], terms))
+    assert [p.get("class") for p in first.findall("path")] == ["line s2", "line s3"]
+
+
+def test_strip_marks_models_and_means():
+    chart = strip_chart([Strip("chair", np.array([20.0, 60.0]), np.array([0.0, 100.0]))], "IoU")
+    root = parse(chart)
+    paths = {p.get("class"): p.get("d") for p in root.findall("path")}
+    assert paths["ticks before"].count("M") == 2
+    assert {"chair", "IoU", "positives only"} <= set(texts(chart))
+    after = [c for c in root.findall("circle") if c.get("class") == "mean after"][-1]
+    zero, hundred = (float(m) for m in re.findall(r"M([\d.]+) ", paths["ticks before"]))
+    assert float(after.get("cx")) == pytest.approx(zero + 0.4 * (hundred - zero), abs=0.5)
+
+
+def test_gains_and_losses_are_counted_and_drawn_above_and_below_the_diagonal():
+    chart = gain_chart(np.array([60.0, 30.0, 50.0]), np.array([40.0, 40.0, 50.0]), "IoU")
+    assert {"1 better", "1 worse"} <= set(texts(chart))
+    paths = {p.get("class"): p.get("d") for p in parse(chart).findall("path")}
+    (gain_x, gain_y), (same_x, same_y) = (
+        map(float, re.match(r"M(\S+) (\S+?)h0", paths[f"spots {name}"]).groups())
+        for name in ("gain", "same")
+    )
+    assert (same_x - gain_x) == pytest.approx(same_y - gain_y, abs=1.1)
+    assert gain_y < same_y
+
+
+def test_size_is_bounded_for_any_number_of_models():
+    many = np.random.default_rng(0).uniform(0, 100, 200_000)
+    assert len(strip_chart([Strip("a", many, many)], "IoU")) < 50_000
+    few = np.round(many[:50_000] / 5) * 5
+    assert len(gain_chart(few, few, "IoU")) < 10_000
+
+
+def test_charts_of_nothing():
+    nothing = np.zeros(0)
+    assert "no models" in texts(strip_chart([], "IoU"))
+    assert "0 better" in texts(gain_chart(nothing, nothing, "IoU"))
+    assert "a" in texts(strip_chart([Strip("a", nothing, nothing)], "IoU"))
+
+
+def test_names_cannot_leave_their_text():
+    chart = loss_chart('<script>"', [{"epoch": 1, "</svg><b>": 1.0}])
+    assert "<script" not in chart
+    assert "</svg><b" not in chart
+    assert '<script>"' in texts(chart)
