@@ -92,7 +92,10 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         except yaml.YAMLError as error:
             raise JobError(f"--set {override}: the value is not valid YAML: {error}") from None
         _assign(tree, key, parsed)
-        where[tuple(key.split("."))] = f"--set {override}"
+        parts = tuple(key.split("."))
+        for depth in range(1, len(parts)):
+            where.setdefault(parts[:depth], f"--set {override}")
+        where[parts] = f"--set {override}"
         origins[key] = "--set"
     if out is not None:
         tree["out"] = str(out)

@@ -1,0 +1,156 @@
+"""Job files: what they need, what they may say, and how they fail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pnabs.stages.errors import RefusedError
+from pnabs.stages.identity import check_identity
+from pnabs.stages.job import JobError, load_job
+from pnabs.stages.plan import VERSIONS, homes, recipe_digest
+
+JOBS = Path(__file__).parents[2] / "jobs"
+
+MINIMAL = "dataset: {root: data}\nout: runs/x\n"
+
+
+def job_file(folder: Path, text: str) -> Path:
+    path = folder / "job.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_job_needs_little(tmp_path: Path) -> None:
+    job = load_job(job_file(tmp_path, MINIMAL))
+    assert job.settings.training.epochs == 150
+    assert job.settings.training.betas == (0.9, 0.999)
+    assert job.settings.out.is_absolute()
+    assert job.origins == {
+        "dataset.root": f"{tmp_path / 'job.yaml'}:1",
+        "out": f"{tmp_path / 'job.yaml'}:2",
+    }
+
+
+@pytest.mark.parametrize("path", sorted(JOBS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_job_file_is_valid(path: Path) -> None:
+    assert load_job(path).settings.out
+
+
+def test_overrides_win_and_are_remembered(tmp_path: Path) -> None:
+    path = job_file(tmp_path, MINIMAL + "training: {epochs: 7}\n")
+    job = load_job(path, ["training.epochs=3", "dataset.categories=[chair, lamp]"], Path("o"))
+    assert job.settings.training.epochs == 3
+    assert job.settings.dataset.categories == ("chair", "lamp")
+    assert job.origins["training.epochs"] == "--set"
+    assert job.origins["out"] == "--out"
+
+
+def test_the_papers_preset_is_below_what_the_file_says(tmp_path: Path) -> None:
+    path = job_file(tmp_path, MINIMAL + "preset: paper\ntraining: {schedule: cosine}\n")
+    settings = load_job(path).settings
+    assert settings.network.channels == (4, 8, 16, 32, 64)
+    assert settings.training.losses.occupancy == 0
+    assert settings.training.schedule == "cosine"
+    assert settings.training.batch_size == 32
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (MINIMAL + "training:\n  epoch: 3\n", r"line 4: unknown key training.epoch; .*epochs\?"),
+        (MINIMAL + "training:\n  epochs: many\n", r"line 4: training.epochs: .*integer"),
+        (MINIMAL + "traning: {}\n", r"line 3: unknown key traning; did you mean training\?"),
+        (MINIMAL + "weights: {a: 1}\n", r"line 3: weights"),
+        ("out: x\n", r"dataset is missing"),
+        ("dataset: {root: d, layout: shapenet}\nout: x\n", r"line 1: dataset.layout: .*shapenet-v"),
+        ("[1, 2]\n", r"a job file is a mapping"),
+        ("a: {b\n", r"not valid YAML"),
+        ("dataset: !!python/object/apply:os.system [id]\nout: x\n", r"not valid YAML"),
+        (MINIMAL + "variants: {a: {}}\n", r"one named `main`"),
+        (MINIMAL + "variants: {main: {}, a/b: {}}\n", r"use letters"),
+        (MINIMAL + "variants: {main: {}, b: {seed: 3}}\n", r"variants.b.seed: variants share"),
+        (MINIMAL + "variants: {main: {}, b: {abstract.x: 3}}\n", r"variants.b: unknown key"),
+    ],
+)
+def test_errors_name_key_and_line(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(JobError, match=says):
+        load_job(job_file(tmp_path, text))
+
+
+@pytest.mark.parametrize("override", ["training.epochs", "=3", "training.epochs=[", "a.b=1"])
+def test_bad_overrides(tmp_path: Path, override: str) -> None:
+    with pytest.raises(JobError, match="--set"):
+        load_job(job_file(tmp_path, MINIMAL), [override])
+
+
+def test_a_missing_job_file(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match="can't read the job file"):
+        load_job(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("override", "changed"),
+    [
+        ("runtime.actors=7", set()),
+        ("report.pictures=1", set()),
+        ("abstract.debris=0.02", {"abstract"}),
+        ("training.losses.separation=0", {"train-negative", "abstract"}),
+        ("network.negatives=5", {"train-negative", "abstract"}),
+        ("difference.preprocess=false", {"difference", "train-negative", "abstract"}),
+        ("training.epochs=3", set(VERSIONS) - {"ingest"}),
+        ("ingest.surface_points=99", set(VERSIONS)),
+        ("seed=5", set(VERSIONS)),
+    ],
+)
+def test_settings_change_the_stages_that_depend_on_them(
+    tmp_path: Path, override: str, changed: set[str]
+) -> None:
+    path = job_file(tmp_path, MINIMAL)
+    before, after = load_job(path).settings, load_job(path, [override]).settings
+    stages = {s for s in VERSIONS if recipe_digest(s, before) != recipe_digest(s, after)}
+    assert stages == changed
+
+
+def test_variants_share_what_they_have_in_common(tmp_path: Path) -> None:
+    text = MINIMAL + (
+        "variants:\n  main: {}\n  positives-only: {abstract.negatives: false}\n"
+        "  no-separation: {training.losses.separation: 0}\n"
+    )
+    variants = load_job(job_file(tmp_path, text)).variants()
+    assert list(variants) == ["main", "positives-only", "no-separation"]
+    assert set(homes(variants, "train-positive").values()) == {"main"}
+    assert homes(variants, "train-negative")["no-separation"] == "no-separation"
+    assert homes(variants, "abstract") == {name: name for name in variants}
+
+
+def identity_of(path: Path) -> dict[str, object]:
+    settings = load_job(path).settings.model_dump(mode="json")
+    return {"settings": settings, "stage_versions": dict(VERSIONS)}
+
+
+def test_changed_settings_are_refused_with_a_diff(tmp_path: Path) -> None:
+    path = job_file(tmp_path, MINIMAL)
+    identity = identity_of(path)
+    check_identity(identity, load_job(path).settings, accept=False)
+    check_identity(identity, load_job(path, ["runtime.actors=3"]).settings, accept=False)
+    changed = load_job(path, ["abstract.debris=0.5"]).settings
+    with pytest.raises(RefusedError, match=r"abstract.debris: 0.01 -> 0.5\n.*redone: abstract\."):
+        check_identity(identity, changed, accept=False)
+    check_identity(identity, changed, accept=True)
+
+
+def test_a_newer_stage_is_refused(tmp_path: Path) -> None:
+    path = job_file(tmp_path, MINIMAL)
+    identity = identity_of(path)
+    identity["stage_versions"] = VERSIONS | {"abstract": 0}
+    with pytest.raises(RefusedError, match="stage abstract: version 0 -> "):
+        check_identity(identity, load_job(path).settings, accept=False)
+
+
+def test_the_layout_of_the_folder_cannot_change(tmp_path: Path) -> None:
+    path = job_file(tmp_path, MINIMAL)
+    changed = load_job(path, ["dataset.shard_size=8"]).settings
+    with pytest.raises(RefusedError, match="shard_size"):
+        check_identity(identity_of(path), changed, accept=True)

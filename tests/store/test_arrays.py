@@ -1,0 +1,93 @@
+"""Zarr shards: what is written comes back, and damage never reads as zeros."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pnabs.store.arrays import ArraySpec, CategoryArrays, DamagedArrayError
+
+SPECS = (ArraySpec("bits", (16,), "u1"), ArraySpec("points", (5, 3), "f4"))
+SIZE = 16
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> CategoryArrays:
+    arrays = CategoryArrays(tmp_path / "s.zarr", tmp_path, SPECS, SIZE)
+    arrays.ensure("chair", 2)
+    return arrays
+
+
+def rows(count: int, seed: int = 0) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {
+        "bits": rng.integers(0, 255, (count, 16)).astype("u1"),
+        "points": rng.random((count, 5, 3)).astype("f4"),
+    }
+
+
+def test_round_trip_and_digests(store: CategoryArrays) -> None:
+    written = rows(16), rows(7, 1)
+    for shard, values in enumerate(written):
+        outputs = store.write_shard("chair", shard, values)
+        assert set(outputs) == {
+            f"s.zarr/chair/bits/c/{shard}/0",
+            f"s.zarr/chair/points/c/{shard}/0/0",
+        }
+    for shard, values in enumerate(written):
+        for name, value in values.items():
+            back = store.read_shard("chair", shard, name, len(value))
+            np.testing.assert_array_equal(back, value)
+
+
+def test_same_rows_same_bytes(store: CategoryArrays, tmp_path: Path) -> None:
+    other = CategoryArrays(tmp_path / "t.zarr", tmp_path, SPECS, SIZE)
+    other.ensure("chair", 1)
+    first = store.write_shard("chair", 0, rows(9))
+    second = other.write_shard("chair", 0, rows(9))
+    assert list(first.values()) == list(second.values())
+
+
+def test_growing_leaves_shards_alone(store: CategoryArrays) -> None:
+    store.write_shard("chair", 0, rows(16))
+    before = store.shard_path("chair", "points", 0).read_bytes()
+    store.ensure("chair", 5)
+    store.write_shard("chair", 4, rows(3, 2))
+    assert store.shard_path("chair", "points", 0).read_bytes() == before
+    np.testing.assert_array_equal(store.read_shard("chair", 4, "bits", 3), rows(3, 2)["bits"])
+
+
+def test_another_shape_makes_the_array_anew(store: CategoryArrays, tmp_path: Path) -> None:
+    store.write_shard("chair", 0, rows(16))
+    specs = (SPECS[0], ArraySpec("points", (7, 3), "f4"))
+    wider = CategoryArrays(tmp_path / "s.zarr", tmp_path, specs, SIZE)
+    wider.ensure("chair", 2)
+    np.testing.assert_array_equal(wider.read_shard("chair", 0, "bits", 16), rows(16)["bits"])
+    with pytest.raises(DamagedArrayError, match="missing"):
+        wider.read_shard("chair", 0, "points", 16)
+
+
+def test_a_shard_of_zeros_is_stored(store: CategoryArrays) -> None:
+    nothing = {name: np.zeros_like(value) for name, value in rows(4).items()}
+    store.write_shard("chair", 0, nothing)
+    assert not store.read_shard("chair", 0, "points", 4).any()
+
+
+@pytest.mark.parametrize("damage", ["flip", "truncate", "empty", "delete"])
+def test_damage_is_noticed(store: CategoryArrays, damage: str) -> None:
+    store.write_shard("chair", 0, rows(16))
+    path = store.shard_path("chair", "points", 0)
+    data = bytearray(path.read_bytes())
+    if damage == "flip":
+        data[len(data) // 3] ^= 4
+        path.write_bytes(data)
+    elif damage == "truncate":
+        path.write_bytes(data[:-5])
+    elif damage == "empty":
+        path.write_bytes(b"")
+    else:
+        path.unlink()
+    with pytest.raises(DamagedArrayError, match="points"):
+        store.read_shard("chair", 0, "points", 16)
