@@ -52,7 +52,7 @@ def half_sides(cuboids: Cuboids) -> Float64:
 def corners(cuboids: Cuboids) -> Float64:
     """World coordinates of the corners in the order of `UNIT_CORNERS`, (N, 8, 3) float64."""
     offsets = UNIT_CORNERS * cuboids.scale.astype(np.float64)[:, None]
-    turned = np.einsum("nij,nkj->nki", rotation_matrices(cuboids), offsets)
+    turned = offsets @ rotation_matrices(cuboids).swapaxes(1, 2)
     return np.asarray(turned + cuboids.translation.astype(np.float64)[:, None])
 
 
@@ -74,7 +74,7 @@ def local(points: ArrayLike, cuboids: Cuboids) -> Float64:
     (N, P, 3) float64
     """
     offsets = np.asarray(points, dtype=np.float64) - cuboids.translation.astype(np.float64)[:, None]
-    return np.asarray(np.einsum("npi,nij->npj", offsets, rotation_matrices(cuboids)))
+    return np.asarray(offsets @ rotation_matrices(cuboids))
 
 
 def _excess(points: ArrayLike, cuboids: Cuboids) -> Float64:
@@ -167,7 +167,7 @@ def to_world(unit: ArrayLike, cuboids: Cuboids) -> Float64:
     (N, P, 3) float64
     """
     offsets = np.asarray(unit, dtype=np.float64) * cuboids.scale.astype(np.float64)[:, None]
-    turned = np.einsum("nij,npj->npi", rotation_matrices(cuboids), offsets)
+    turned = offsets @ rotation_matrices(cuboids).swapaxes(1, 2)
     return np.asarray(turned + cuboids.translation.astype(np.float64)[:, None])
 
 
@@ -205,7 +205,7 @@ def sample_surface(cuboids: Cuboids, n: int, rng: np.random.Generator) -> Float3
     np.put_along_axis(unit, axis[..., None], (sign / 2)[..., None], axis=-1)
     normal = np.zeros_like(unit)
     np.put_along_axis(normal, axis[..., None], sign[..., None], axis=-1)
-    normal = np.einsum("nij,npj->npi", rotation_matrices(cuboids), normal)
+    normal = normal @ rotation_matrices(cuboids).swapaxes(1, 2)
     return np.concatenate([to_world(unit, cuboids), normal], axis=-1).astype(np.float32)
 
 

@@ -211,7 +211,8 @@ def render(
     fine = size * supersample
     colours = np.broadcast_to(colours, (len(mesh.faces), 3))
     base = _layer(mesh, colours, parts, view, frame, fine)
-    picture = paint(base.face, base.colours, base.lines, _depth_shade(base, fine), _INK)
+    surround = _surround(base.w, supersample)
+    picture = paint(base.w, base.face, base.colours, base.lines, surround, _INK)
     if overlay is not None:
         red = np.broadcast_to(rgb(NEGATIVE), (len(overlay.faces), 3))
         top = _layer(overlay, red, connected_parts(overlay), view, frame, fine)
@@ -276,17 +277,16 @@ def _light(colours: Float64, normals: Float64, view: View) -> Float64:
     return np.clip(colours * light[:, None], 0, 1)
 
 
-def _depth_shade(layer: _Layer, fine: int) -> Float64:
-    """Darkening where surroundings are nearer, like light that doesn't reach a corner.
+def _surround(w: Float64, supersample: int) -> Float64:
+    """Mean depth around each picture pixel, the background taking no part, (size, size) float64.
 
-    The depth buffer is compared with its own blur (Luft, Colditz and Deussen 2006), the background
-    taking no part.
+    Darkening what lies behind its surroundings looks like light that doesn't reach a corner (Luft,
+    Colditz and Deussen 2006).  The blur is wide, so one sample a pixel is enough for it.
     """
-    inside = (layer.face >= 0).astype(np.float64)
-    width = max(3, fine // 14)
-    weight = uniform_filter(inside, width)
-    blurred = uniform_filter(layer.w, width) / np.maximum(weight, 1e-9)
-    return 1 - np.clip((blurred - layer.w) * 9.0, 0, 0.30)
+    coarse = w[supersample // 2 :: supersample, supersample // 2 :: supersample]
+    width = max(3, len(coarse) // 14)
+    weight = uniform_filter((coarse > 0).astype(np.float64), width)
+    return uniform_filter(coarse, width) / np.maximum(weight, 1e-9)
 
 
 def _shadow(mesh: Mesh, view: View, frame: Frame, size: int) -> Float64:

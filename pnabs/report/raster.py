@@ -17,6 +17,8 @@ _CREASE = 0.85
 """Neighbouring pixels whose normals have a smaller dot product are parted by an outline."""
 _STEP = 2.5e-3
 """Likewise a larger second difference of w (about 0.025 of the normalised frame)."""
+_DEPTH_SHADE, _DARKEST = 9.0, 0.30
+"""Darkening by how much nearer (in w) the surroundings are, and its limit."""
 _TIE = 1e-7
 """Depths closer than this count as equal: of coplanar faces one wins all over."""
 
@@ -144,15 +146,20 @@ def resolve(layer: Float64, factor: int) -> Float64:
 
 
 @njit(cache=True, nogil=True)
-def paint(face: Int64, colours: Float64, lines: Float64, shade: Float64, ink: Float64) -> Float64:
-    """An opaque layer: face colours, darkened by `shade`, with `ink` along the lines.
+def paint(
+    w: Float64, face: Int64, colours: Float64, lines: Float64, surround: Float64, ink: Float64
+) -> Float64:
+    """An opaque layer: face colours, darker where surroundings are nearer, ink along the lines.
 
     Parameters
     ----------
+    w : (H, W) float64
     face : (H, W) int64
     colours : (F, 3) float64
-    lines, shade : (H, W) float64
-        Strength of the outline, and a factor of the colour.
+    lines : (H, W) float64
+        Strength of the outline.
+    surround : (H / k, W / k) float64
+        Mean w around every block of k x k pixels.
     ink : (3,) float64
 
     Returns
@@ -160,15 +167,18 @@ def paint(face: Int64, colours: Float64, lines: Float64, shade: Float64, ink: Fl
     (H, W, 4) float64, premultiplied
     """
     height, width = face.shape
+    k = height // surround.shape[0]
     out = np.zeros((height, width, 4))
     for i in range(height):
         for j in range(width):
             f = face[i, j]
             if f < 0:
                 continue
+            nearer = surround[i // k, j // k] - w[i, j]
+            shade = 1.0 - min(max(_DEPTH_SHADE * nearer, 0.0), _DARKEST)
             t = 0.8 * lines[i, j]
             for c in range(3):
-                out[i, j, c] = colours[f, c] * shade[i, j] * (1.0 - t) + ink[c] * t
+                out[i, j, c] = colours[f, c] * shade * (1.0 - t) + ink[c] * t
             out[i, j, 3] = 1.0
     return out
 

@@ -41,24 +41,19 @@ def take(
 
 
 def expected_volume(positives: Cuboids, shape: Cuboids, theta: float) -> np.ndarray:
-    """The definition, one voxel at a time."""
+    """The definition, from its parts."""
     occupancy, sdf, _ = shape_fields(shape)
-    centres = grid_points(32)
-    inside = cuboid.contains(centres, positives).any(axis=0).reshape(occupancy.shape)
+    inside = cuboid.contains(grid_points(32), positives).any(axis=0).reshape(occupancy.shape)
     volume = inside & ~occupancy
-    kept = volume.copy()
-    for voxel in np.argwhere(volume):
-        neighbours = [voxel + step for step in np.vstack([np.eye(3, dtype=int), -np.eye(3)])]
-        at_boundary = any(
-            not (0 <= n.min() and n.max() < 32) or not volume[tuple(n.astype(int))]
-            for n in neighbours
-        )
-        if at_boundary and max(sdf[tuple(voxel)], 0) < theta:
-            kept[tuple(voxel)] = False
-    return kept
+    around = np.pad(volume, 1)
+    neighbours = [
+        np.roll(around, step, axis)[1:-1, 1:-1, 1:-1] for axis in range(3) for step in (-1, 1)
+    ]
+    at_boundary = ~np.all(neighbours, axis=0)
+    return volume & ~(at_boundary & (np.maximum(sdf, 0) < theta))
 
 
-@law(deadline=None, max_examples=8)
+@law(deadline=None, max_examples=20)
 @given(SEEDS, st.booleans())
 def test_volume_is_as_defined(seed: int, preprocess: bool) -> None:
     positives = random_cuboids(seed, 3, low=0.2, high=0.9)

@@ -6,14 +6,14 @@ import igl
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pnabs.geometry.distance import signed_distance, unsigned_distance
 from pnabs.geometry.fields import interpolate_sdf
 from pnabs.geometry.orient import prepare
-from pnabs.geometry.solid import voxelise
+from pnabs.geometry.solid import voxelise, voxelise_parts
 from pnabs.geometry.types import GRID_SIDE, THETA_D, Mesh, cell_centres, grid_points
 from tests.geometry.soups import CELL, as_mesh, box, box_distance, chair_parts, merged, sheet, tube
 
@@ -33,7 +33,7 @@ def test_the_field_of_an_off_centre_box_is_exact(resolution: int) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(
-    sides=st.tuples(*[st.floats(0.1, 0.5)] * 3),
+    sides=st.tuples(*[st.floats(0.15, 0.5)] * 3),
     centre=st.tuples(*[st.floats(-0.1, 0.1)] * 3),
     turn=st.integers(0, 1000),
 )
@@ -43,7 +43,11 @@ def test_the_field_of_a_turned_box_is_exact(
     matrix = Rotation.random(rng=np.random.default_rng(turn)).as_matrix()
     upright = box(sides)
     mesh = Mesh(upright.vertices @ matrix.T + centre, upright.faces)
-    field = signed_distance(prepare(mesh), 32).ravel()
+    prepared = prepare(mesh)
+    parts = voxelise_parts(prepared, 32)
+    # a corner that sticks out more than a cell beyond the last centre inside is a thin part
+    assume(not parts.thin.any())
+    field = signed_distance(prepared, 32, voxels=parts).ravel()
     expected = box_distance((grid_points(32) - centre) @ matrix, sides, np.zeros(3))
     # a ray misses at most what lies within the columns' offset of the surface
     clear = (np.abs(expected) <= THETA_D + CELL) & (np.abs(expected) > 1e-6)

@@ -35,11 +35,11 @@ def test_grid_holds_the_centres_inside_a_box(seed: int) -> None:
 
 
 def test_grid_agrees_with_the_winding_number_on_a_concave_mesh() -> None:
-    torus = trimesh.creation.torus(0.3, 0.12, major_sections=24, minor_sections=12)
+    torus = trimesh.creation.torus(0.3, 0.12, major_sections=16, minor_sections=8)
     torus.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3]))
     triangles = np.asarray(torus.triangles)
-    expected = winding_number(triangles, grid_points(16)) > 0.5
-    np.testing.assert_array_equal(inside_grid(triangles, 16).ravel(), expected)
+    expected = winding_number(triangles, grid_points(12)) > 0.5
+    np.testing.assert_array_equal(inside_grid(triangles, 12).ravel(), expected)
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])

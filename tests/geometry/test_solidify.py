@@ -89,12 +89,13 @@ def test_nothing_left_is_empty_and_not_ok(positives: Cuboids) -> None:
     assert result.recipe.jitter_attempt == 0
 
 
-def test_a_slab_cut_through_leaves_debris() -> None:
-    bar = axis_aligned(([0.9, 0.1, 0.1], [0, 0, 0]))
-    cut = axis_aligned(([0.02, 0.2, 0.2], [-0.437, 0, 0]))
-    result = made(bar, cut)
+def test_debris_is_left_out() -> None:
+    positives = axis_aligned(([0.6, 0.6, 0.6], [0, 0, 0]), ([0.4, 0.02, 0.02], [0.4, 0, 0]))
+    cut = axis_aligned(([0.2, 0.2, 0.2], [0.45, 0, 0]))  # leaves the rod's last 0.05
+    result = made(positives, cut)
     assert result.mesh.pieces == 1
     (piece,) = result.mesh.dropped
-    assert piece["volume"] == pytest.approx(0.003 * 0.01, rel=1e-2)
-    tolerant = solidify(bar, cut, Abstract(debris=0.0), np.random.default_rng(0))
+    assert piece["volume"] == pytest.approx(0.05 * 0.02 * 0.02, rel=1e-3)
+    assert result.mesh.vertices[:, 0].max() == pytest.approx(0.35, abs=1e-6)
+    tolerant = solidify(positives, cut, Abstract(debris=0.0), np.random.default_rng(0))
     assert tolerant.mesh.pieces == 2

@@ -1,4 +1,4 @@
-"""The embedded sample collection: made furniture, vehicles and animals as a ShapeNet-like folder."""
+"""The embedded sample collection: furniture, vehicles and animals in a ShapeNet-like folder."""
 
 from pnabs.dataset.samples.collection import (
     CATEGORIES,

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from pnabs.dataset.samples.chair_bases import BASES, Size, chair_base
 from pnabs.dataset.samples.draw import Draw
 from pnabs.dataset.samples.parts import Part, both_sides, moved, turned
-from pnabs.dataset.samples.sheets import hoop, panel, strip
-from pnabs.dataset.samples.solids import block, box, ellipsoid, lathe, prism, rod, tube
+from pnabs.dataset.samples.sheets import panel, strip
+from pnabs.dataset.samples.solids import block, box, lathe, rod, tube
 
-BASES = (
-    "straight legs", "splayed legs", "star", "disc", "sled", "cantilever", "panels", "cube",
-    "rocker", "three legs", "crossed legs", "drum",
-)
 BACKS = ("solid", "upright slats", "ladder", "frame", "shell", "none", "low", "rods", "pierced")
+
+
 ARMS = ("none", "open", "panel", "none", "loop")
+
+
 SEATS = ("board", "cushion", "sheet", "round", "slats")
-
-
-class Size(NamedTuple):
-    """Half width, half depth, height of the seat's top and thickness of members."""
-
-    w: float
-    d: float
-    h: float
-    t: float
 
 
 def chair(draw: Draw) -> list[Part]:
@@ -35,7 +26,9 @@ def chair(draw: Draw) -> list[Part]:
     base, back = draw.cycle("base", BASES), draw.cycle("back", BACKS)
     arms, seat = draw.cycle("arms", ARMS), draw.cycle("seat", SEATS)
     size = Size(
-        draw.between(0.2, 0.28), draw.between(0.2, 0.26), draw.between(0.38, 0.5),
+        draw.between(0.2, 0.28),
+        draw.between(0.2, 0.26),
+        draw.between(0.38, 0.5),
         draw.between(0.025, 0.045),
     )
     if back == "none":
@@ -49,7 +42,7 @@ def chair(draw: Draw) -> list[Part]:
     if seat == "round":
         # A round seat meets a back only at its middle and armrests nowhere.
         size, arms = size._replace(d=size.w * 0.95), "none"
-    parts = _seat(draw, seat, size) + _base(draw, base, size)
+    parts = _seat(draw, seat, size) + chair_base(draw, base, size)
     return parts + _back(draw, back, size) + _arms(draw, arms, size)
 
 
@@ -58,94 +51,36 @@ def _seat(draw: Draw, kind: str, s: Size) -> list[Part]:
     if kind == "cushion":
         frame = box("seat_frame", (-s.w, s.w), (low - 0.02, low), (-s.d, s.d))
         top = s.h + draw.between(0.02, 0.06)
-        return [frame, box("cushion", (-s.w + 0.01, s.w - 0.01), (low - 0.005, top),
-                           (-s.d - 0.01, s.d - 0.03))]
+        return [
+            frame,
+            box(
+                "cushion", (-s.w + 0.01, s.w - 0.01), (low - 0.005, top), (-s.d - 0.01, s.d - 0.03)
+            ),
+        ]
     if kind == "sheet":
         across = np.linspace(-s.d, s.d, 6)
         sag = s.h - 0.03 * np.cos(across / s.d * math.pi / 2)
-        return [strip("seat", [[(x, y, z) for y, z in zip(sag, across, strict=True)]
-                               for x in (-s.w, s.w)]),
-                *both_sides([box("rail", (s.w - s.t, s.w), (low, s.h), (-s.d, s.d))])]
+        return [
+            strip(
+                "seat", [[(x, y, z) for y, z in zip(sag, across, strict=True)] for x in (-s.w, s.w)]
+            ),
+            *both_sides([box("rail", (s.w - s.t, s.w), (low, s.h), (-s.d, s.d))]),
+        ]
     if kind == "round":
         return [lathe("seat", [(s.w, low), (s.w, s.h - 0.01), (s.w - 0.02, s.h)], 18)]
     if kind == "slats":
         count = draw.whole(4, 7)
         step = 2 * s.d / count
-        slats = [block("slat", (0, s.h - s.t / 4, (i + 0.5) * step - s.d),
-                       (2 * s.w, s.t / 2, step * 0.7)) for i in range(count)]
-        return slats + both_sides([box("rail", (s.w - 2 * s.t, s.w - s.t), (low, s.h - s.t / 2),
-                                       (-s.d, s.d))])
+        slats = [
+            block(
+                "slat", (0, s.h - s.t / 4, (i + 0.5) * step - s.d), (2 * s.w, s.t / 2, step * 0.7)
+            )
+            for i in range(count)
+        ]
+        return slats + both_sides(
+            [box("rail", (s.w - 2 * s.t, s.w - s.t), (low, s.h - s.t / 2), (-s.d, s.d))]
+        )
     return [box("seat", (-s.w, s.w), (low, s.h), (-s.d, s.d))]
-
-
-def _legs(draw: Draw, s: Size, splay: float) -> list[Part]:
-    top, t = s.h - s.t, s.t
-    x, z = s.w - t / 2, s.d - t / 2
-    if splay:
-        legs = both_sides([rod("leg", (x * 0.8, top, end * z * 0.8),
-                               (x + splay, 0, end * (z + splay)), t / 2, t / 4, 8)
-                           for end in (-1, 1)])
-    else:
-        legs = both_sides([block("leg", (x, top / 2, end * z), (t, top, t)) for end in (-1, 1)])
-    kind = draw.cycle("stretcher", ("none", "h", "box", "none"))
-    level = draw.between(0.1, 0.18)
-    if kind != "none" and not splay:
-        legs += both_sides([block("stretcher", (x, level, 0), (t * 0.6, t * 0.8, 2 * z))])
-        ends = (0.0,) if kind == "h" else (-z, z)
-        legs += [block("stretcher", (0, level, end), (2 * x, t * 0.8, t * 0.6)) for end in ends]
-    return legs
-
-
-def _base(draw: Draw, kind: str, s: Size) -> list[Part]:
-    w, d, top, t = s.w, s.d, s.h - s.t, s.t
-    if kind == "straight legs":
-        return _legs(draw, s, 0)
-    if kind == "splayed legs":
-        return _legs(draw, s, draw.between(0.02, 0.07))
-    if kind == "star":
-        arms, reach = draw.pick((4, 5)), draw.between(0.24, 0.3)
-        ends = [(reach * math.sin(a), reach * math.cos(a))
-                for a in (2 * math.pi * i / arms for i in range(arms))]
-        star = [rod("spoke", (0, 0.09, 0), (x, 0.06, z), 0.025, 0.015, 6) for x, z in ends]
-        castors = [ellipsoid("castor", (x, 0.03, z), (0.02, 0.03, 0.03), 8, 5) for x, z in ends]
-        return [lathe("column", [(0.03, 0.06), (0.03, top / 2), (0.02, top / 2), (0.02, top)]),
-                *star, *castors]
-    if kind == "disc":
-        reach = draw.between(0.18, 0.25)
-        return [lathe("stand", [(reach, 0), (reach, 0.015), (0.03, 0.05), (0.025, top * 0.6),
-                                (0.025, top * 0.9), (0.1, top)], 18)]
-    if kind == "sled":
-        path = [(w - t, top, -d + t), (w - t, 0.012, -d), (w - t, 0.012, d), (w - t, top, d - t)]
-        return [*both_sides([tube("runner", path, 0.012, 6)]),
-                rod("brace", (-w + t, 0.012, d), (w - t, 0.012, d), 0.012, sides=6)]
-    if kind == "cantilever":
-        path = [(w - t, top, d), (w - t, top, -d), (w - t, 0.015, -d - 0.02),
-                (w - t, 0.015, d), (0, 0.015, d)]
-        return both_sides([tube("frame", path, 0.014, 8)])
-    if kind == "panels":
-        return both_sides([box("side", (w - t, w), (0, s.h), (-d, d))])
-    if kind == "cube":
-        return [panel("front", 2, (-d, -d + t), (-w, w), (0, top), [(-w + 0.08, w - 0.08, -1,
-                                                                     top - 0.1)]),
-                box("rear", (-w, w), (0, top), (d - t, d)),
-                *both_sides([box("side", (w - t, w), (0, top), (-d + t, d - t))])]
-    if kind == "rocker":
-        arc = np.linspace(-1.3 * d, 1.4 * d, 9)
-        path = [(w - t, 0.02 + 0.35 * z * z, z) for z in arc]
-        return [*both_sides([tube("rocker", path, 0.02, 4)]),
-                *both_sides([block("leg", (w - t, (top + 0.03) / 2, end * (d - t)),
-                                   (t, top - 0.03, t)) for end in (-1, 1)])]
-    if kind == "three legs":
-        return [rod("leg", (0.5 * w * math.sin(a), top, 0.5 * w * math.cos(a)),
-                    (w * math.sin(a), 0, w * math.cos(a)), 0.016, 0.012, 8)
-                for a in (2 * math.pi * i / 3 for i in range(3))] + [
-                    hoop("footrest", [(0.62 * w, top * 0.3), (0.68 * w, top * 0.3),
-                                      (0.68 * w, top * 0.3 + 0.02), (0.62 * w, top * 0.3 + 0.02)])]
-    if kind == "crossed legs":
-        return both_sides([rod("leg", (w - t, top, end * d), (w - t, 0, -end * d), t * 0.4, sides=6)
-                           for end in (-1, 1)]) + [
-            rod("bar", (-w, top / 2, 0), (w, top / 2, 0), t * 0.4, sides=6)]
-    return [lathe("drum", [(0.8 * w, 0), (0.9 * w, top / 2), (0.8 * w, top)], 16)]
 
 
 def _back(draw: Draw, kind: str, s: Size) -> list[Part]:
@@ -159,37 +94,74 @@ def _back(draw: Draw, kind: str, s: Size) -> list[Part]:
     if kind == "solid":
         parts = [box("back", (-w, w), (-s.t, high), (0, t))]
     elif kind == "low":
-        parts = [box("back", (-w, w), (high * 0.45, high * 0.75), (0, t)),
-                 *both_sides([box("post", (w - 2 * t, w - t), (-s.t, high * 0.5), (t, 1.6 * t))])]
+        parts = [
+            box("back", (-w, w), (high * 0.45, high * 0.75), (0, t)),
+            *both_sides([box("post", (w - 2 * t, w - t), (-s.t, high * 0.5), (t, 1.6 * t))]),
+        ]
     elif kind == "upright slats":
         count = draw.whole(3, 6)
         step = 2 * (w - t) / count
-        slats = [block("slat", ((i + 0.5) * step - w + t, high / 2, t / 2),
-                       (step * 0.5, high - 2 * t, t * 0.5)) for i in range(count)]
+        slats = [
+            block(
+                "slat",
+                ((i + 0.5) * step - w + t, high / 2, t / 2),
+                (step * 0.5, high - 2 * t, t * 0.5),
+            )
+            for i in range(count)
+        ]
         parts = [*upright, rail, *slats]
     elif kind == "ladder":
         count = draw.whole(2, 5)
         step = high / count
-        rungs = [box("rung", (-w + t, w - t), ((i + 0.5) * step, (i + 0.95) * step), thin)
-                 for i in range(count)]
+        rungs = [
+            box("rung", (-w + t, w - t), ((i + 0.5) * step, (i + 0.95) * step), thin)
+            for i in range(count)
+        ]
         parts = [*upright, *rungs]
     elif kind == "frame":
-        parts = [panel("back", 2, (0, t), (-w, w), (-s.t, high),
-                       [(-w + 2 * t, w - 2 * t, 0.1, high - 2 * t)])]
+        parts = [
+            panel(
+                "back",
+                2,
+                (0, t),
+                (-w, w),
+                (-s.t, high),
+                [(-w + 2 * t, w - 2 * t, 0.1, high - 2 * t)],
+            )
+        ]
     elif kind == "pierced":
         gap = high / 4
-        parts = [panel("back", 2, (0, t), (-w, w), (-s.t, high),
-                       [(-w + 2 * t, -t, gap, high - gap), (t, w - 2 * t, gap, high - gap)])]
+        parts = [
+            panel(
+                "back",
+                2,
+                (0, t),
+                (-w, w),
+                (-s.t, high),
+                [(-w + 2 * t, -t, gap, high - gap), (t, w - 2 * t, gap, high - gap)],
+            )
+        ]
     elif kind == "shell":
         wrap = draw.between(0.06, 0.2)
-        line = [(w * math.sin(a) / math.sin(1), t - wrap * (1 - math.cos(a)) / (1 - math.cos(1)))
-                for a in np.linspace(-1, 1, 7)]
-        parts = [strip("shell", [[(x * (1 - 0.3 * lift * lift), -t + lift * (high + t), z)
-                                  for x, z in line] for lift in (0, 0.5, 1)])]
+        line = [
+            (w * math.sin(a) / math.sin(1), t - wrap * (1 - math.cos(a)) / (1 - math.cos(1)))
+            for a in np.linspace(-1, 1, 7)
+        ]
+        parts = [
+            strip(
+                "shell",
+                [
+                    [(x * (1 - 0.3 * lift * lift), -t + lift * (high + t), z) for x, z in line]
+                    for lift in (0, 0.5, 1)
+                ],
+            )
+        ]
     else:
         count = draw.whole(5, 8)
-        arch = [(w * math.cos(a), high * (0.55 + 0.45 * math.sin(a)), t)
-                for a in np.linspace(0, math.pi, 9)]
+        arch = [
+            (w * math.cos(a), high * (0.55 + 0.45 * math.sin(a)), t)
+            for a in np.linspace(0, math.pi, 9)
+        ]
         hoop_path = [(w, -s.t, t), *arch, (-w, -s.t, t)]
         parts = [tube("hoop", hoop_path, 0.013, 6)]
         for i in range(count):
@@ -204,16 +176,25 @@ def _arms(draw: Draw, kind: str, s: Size) -> list[Part]:
     w, d, t = s.w, s.d, s.t
     rest = s.h + draw.between(0.17, 0.25)
     if kind == "open":
-        return both_sides([box("armrest", (w - t / 2, w + t), (rest - 0.025, rest),
-                               (-d * 0.8, d + t)),
-                           box("arm_post", (w - t / 4, w + t / 2), (s.h - s.t, rest - 0.02),
-                               (-d * 0.7, -d * 0.7 + t))])
+        return both_sides(
+            [
+                box("armrest", (w - t / 2, w + t), (rest - 0.025, rest), (-d * 0.8, d + t)),
+                box(
+                    "arm_post",
+                    (w - t / 4, w + t / 2),
+                    (s.h - s.t, rest - 0.02),
+                    (-d * 0.7, -d * 0.7 + t),
+                ),
+            ]
+        )
     if kind == "panel":
         return both_sides([box("arm", (w - t / 2, w + t), (s.h - 0.1, rest), (-d, d))])
     if kind == "loop":
-        path = [(w + t / 2, s.h - s.t, -d * 0.8), (w + t / 2, rest, -d * 0.7),
-                (w + t / 2, rest, d * 0.6), (w + t / 2, s.h - s.t, d * 0.7)]
+        path = [
+            (w + t / 2, s.h - s.t, -d * 0.8),
+            (w + t / 2, rest, -d * 0.7),
+            (w + t / 2, rest, d * 0.6),
+            (w + t / 2, s.h - s.t, d * 0.7),
+        ]
         return both_sides([tube("arm", path, 0.014, 6)])
     return []
-
-

@@ -17,7 +17,7 @@ from pnabs.dataset.samples.chairs import chair
 from pnabs.dataset.samples.draw import Draw, model_id
 from pnabs.dataset.samples.lamps import lamp
 from pnabs.dataset.samples.objfile import obj_text
-from pnabs.dataset.samples.parts import Part
+from pnabs.dataset.samples.parts import Part, stretched
 from pnabs.dataset.samples.shelves import bookshelf
 from pnabs.dataset.samples.ships import ship
 from pnabs.dataset.samples.sofas import sofa
@@ -36,6 +36,9 @@ CATEGORIES: dict[str, str] = {
     "table": "04379243",
 }
 """Folder of each category: its synset, or its name where ShapeNetCore has none."""
+
+STRETCH = 0.14
+"""How much the proportions of models vary beyond what their makers vary."""
 
 _MAKERS: dict[str, Callable[[Draw], list[Part]]] = {
     "airplane": airplane,
@@ -107,7 +110,10 @@ def make_model(category: str, seed: int, index: int) -> SampleModel:
         If the category is not known.
     """
     draw = Draw(seed, _known(category), index)
-    parts = _normalised(_MAKERS[category](draw))
+    made = _MAKERS[category](draw)
+    # Makers that vary one size alone would give the same model once the diagonal is 1.
+    factors = [draw.between(1 - STRETCH, 1 + STRETCH) for _ in range(3)]
+    parts = _normalised([stretched(part, factors) for part in made])
     chosen = flaw.choose(draw)
     flawed = tuple(flaw.apply(parts, chosen, draw))
     text = obj_text(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from pnabs.dataset.samples.draw import Draw
@@ -22,7 +24,7 @@ def unweld(part: Part) -> Part:
     """Every face with vertices of its own."""
     order = np.array([index for face in part.faces for index in face])
     ends = np.cumsum([0, *(len(face) for face in part.faces)]).tolist()
-    faces = tuple(tuple(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    faces = tuple(tuple(range(a, b)) for a, b in itertools.pairwise(ends))
     return Part(part.name, part.vertices[order], faces)
 
 

@@ -1,4 +1,4 @@
-"""Lamps: on the floor, on tables, on walls and hanging."""
+"""Lamps: on floors and tables, and the mounted ones."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from pnabs.dataset.samples.draw import Draw
+from pnabs.dataset.samples.mounted_lamps import MOUNTED_LAMPS, bulb
 from pnabs.dataset.samples.parts import Part, both_sides, moved, turned
-from pnabs.dataset.samples.sheets import hoop, panel, shade, sheet
-from pnabs.dataset.samples.solids import block, box, ellipsoid, lathe, prism, rod, tube
+from pnabs.dataset.samples.sheets import shade, sheet
+from pnabs.dataset.samples.solids import block, box, ellipsoid, lathe, rod, tube
 
 
 def lamp(draw: Draw) -> list[Part]:
@@ -20,8 +21,9 @@ def lamp(draw: Draw) -> list[Part]:
 
 def _shade(draw: Draw, y: float, r: float) -> list[Part]:
     """A shade standing on height `y`, about the y axis."""
-    kind = draw.cycle("shade", ("cone", "drum", "box", "thick cone", "globe", "dome", "hexagon",
-                                "pyramid"))
+    kind = draw.cycle(
+        "shade", ("cone", "drum", "box", "thick cone", "globe", "dome", "hexagon", "pyramid")
+    )
     high = r * draw.between(0.9, 1.5)
     if kind == "drum":
         return [shade("shade", r, r, (y, y + high))]
@@ -32,8 +34,10 @@ def _shade(draw: Draw, y: float, r: float) -> list[Part]:
     if kind == "globe":
         return [moved(ellipsoid("globe", (0, 0, 0), (0.8 * r,) * 3, 14, 9), (0, y + 0.8 * r, 0))]
     if kind == "dome":
-        profile = [(r * math.cos(a), y + 0.9 * r * math.sin(a))
-                   for a in np.linspace(0, math.pi / 2 - 0.1, 6)]
+        profile = [
+            (r * math.cos(a), y + 0.9 * r * math.sin(a))
+            for a in np.linspace(0, math.pi / 2 - 0.1, 6)
+        ]
         return [lathe("dome", profile, 18, capped=False)]
     if kind == "hexagon":
         return [shade("shade", r, 0.7 * r, (y, y + high), 6)]
@@ -42,47 +46,77 @@ def _shade(draw: Draw, y: float, r: float) -> list[Part]:
     return [shade("shade", r, draw.between(0.3, 0.7) * r, (y, y + high))]
 
 
-def _bulb(y: float) -> Part:
-    return ellipsoid("bulb", (0, y, 0), (0.03, 0.045, 0.03), 8, 6)
-
-
 def _floor(draw: Draw) -> list[Part]:
     h, foot = draw.between(1.2, 1.6), draw.between(0.12, 0.18)
-    base = lathe("foot", [(foot, 0), (foot, 0.02), (0.02, 0.05), (0.012, 0.06), (0.012, h + 0.05)],
-                 16)
-    return [base, _bulb(h + 0.1), *_shade(draw, h, draw.between(0.16, 0.28))]
+    base = lathe(
+        "foot", [(foot, 0), (foot, 0.02), (0.02, 0.05), (0.012, 0.06), (0.012, h + 0.05)], 16
+    )
+    return [base, bulb(h + 0.1), *_shade(draw, h, draw.between(0.16, 0.28))]
 
 
 def _arc(draw: Draw) -> list[Part]:
     h, reach = draw.between(1.3, 1.7), draw.between(0.7, 1.1)
-    path = [(0, 0.05, 0.3)] + [(0, h * (0.55 + 0.45 * math.sin(a)), 0.3 - reach * 0.5 * (1 - math.cos(a)))
-                               for a in np.linspace(0, math.pi * 0.8, 9)]
+    path = [(0, 0.05, 0.3)] + [
+        (0, h * (0.55 + 0.45 * math.sin(a)), 0.3 - reach * 0.5 * (1 - math.cos(a)))
+        for a in np.linspace(0, math.pi * 0.8, 9)
+    ]
     end, foot = path[-1], block("foot", (0, 0.03, 0.3), (0.3, 0.06, 0.2))
     if draw.variant("arc", ("dome", "globe")) == "globe":
         arms = [turned(tube("arc", path, 0.012, 6), 1, a, (0, 0, 0.3)) for a in (-40, 0, 40)]
-        balls = [turned(ellipsoid("globe", np.add(end, (0, -0.1, 0)), (0.11, 0.11, 0.11), 12, 7), 1, a,
-                        (0, 0, 0.3)) for a in (-40, 0, 40)]
+        balls = [
+            turned(
+                ellipsoid("globe", np.add(end, (0, -0.1, 0)), (0.11, 0.11, 0.11), 12, 7),
+                1,
+                a,
+                (0, 0, 0.3),
+            )
+            for a in (-40, 0, 40)
+        ]
         return [foot, *arms, *balls]
-    head = moved(lathe("dome", [(0.18, -0.1), (0.16, -0.02), (0.1, 0.05), (0.02, 0.08)], 16,
-                       capped=False), end)
+    head = moved(
+        lathe("dome", [(0.18, -0.1), (0.16, -0.02), (0.1, 0.05), (0.02, 0.08)], 16, capped=False),
+        end,
+    )
     return [foot, tube("arc", path, 0.012, 6), head]
 
 
 def _tripod(draw: Draw) -> list[Part]:
     h, spread = draw.between(1.0, 1.4), draw.between(0.22, 0.35)
-    legs = [rod("leg", (0.02 * math.sin(a), h, 0.02 * math.cos(a)),
-                (spread * math.sin(a), 0, spread * math.cos(a)), 0.016, 0.01, 8)
-            for a in (2 * math.pi * i / 3 for i in range(3))]
-    return [*legs, lathe("hub", [(0.04, h - 0.05), (0.04, h + 0.02)], 10),
-            *_shade(draw, h + 0.02, draw.between(0.2, 0.3))]
+    legs = [
+        rod(
+            "leg",
+            (0.02 * math.sin(a), h, 0.02 * math.cos(a)),
+            (spread * math.sin(a), 0, spread * math.cos(a)),
+            0.016,
+            0.01,
+            8,
+        )
+        for a in (2 * math.pi * i / 3 for i in range(3))
+    ]
+    return [
+        *legs,
+        lathe("hub", [(0.04, h - 0.05), (0.04, h + 0.02)], 10),
+        *_shade(draw, h + 0.02, draw.between(0.2, 0.3)),
+    ]
 
 
 def _vase(draw: Draw) -> list[Part]:
     r, h = draw.between(0.07, 0.14), draw.between(0.25, 0.4)
     swell = draw.between(0.3, 0.7)
-    profile = [(r * 0.7, 0), (r * 0.7, 0.015), (r * 0.5, 0.04), (r, h * swell), (r * 0.9, h * 0.75),
-               (r * 0.25, h), (0.012, h + 0.02), (0.012, h + 0.07)]
-    return [lathe("vase", profile, draw.cycle("facets", (16, 4, 6)), phase=0.5), *_shade(draw, h + 0.05, draw.between(0.14, 0.22))]
+    profile = [
+        (r * 0.7, 0),
+        (r * 0.7, 0.015),
+        (r * 0.5, 0.04),
+        (r, h * swell),
+        (r * 0.9, h * 0.75),
+        (r * 0.25, h),
+        (0.012, h + 0.02),
+        (0.012, h + 0.07),
+    ]
+    return [
+        lathe("vase", profile, draw.cycle("facets", (16, 4, 6)), phase=0.5),
+        *_shade(draw, h + 0.05, draw.between(0.14, 0.22)),
+    ]
 
 
 def _stacked(draw: Draw) -> list[Part]:
@@ -95,10 +129,15 @@ def _stacked(draw: Draw) -> list[Part]:
         elif kind == "cube":
             parts.append(block("cube", (0, y + r, 0), (1.5 * r, 2 * r, 1.5 * r)))
         else:
-            parts.append(lathe("ring", [(0.02, y), (r, y + r * 0.6), (r, y + r * 1.4), (0.02, y + 2 * r)]))
+            parts.append(
+                lathe("ring", [(0.02, y), (r, y + r * 0.6), (r, y + r * 1.4), (0.02, y + 2 * r)])
+            )
         y += 2 * r - 0.004
-    return [*parts, *_shade(draw, y + 0.02, draw.between(0.14, 0.2)), rod("stem", (0, y - 0.01, 0),
-                                                                         (0, y + 0.08, 0), 0.01)]
+    return [
+        *parts,
+        *_shade(draw, y + 0.02, draw.between(0.14, 0.2)),
+        rod("stem", (0, y - 0.01, 0), (0, y + 0.08, 0), 0.01),
+    ]
 
 
 def _desk(draw: Draw) -> list[Part]:
@@ -108,9 +147,15 @@ def _desk(draw: Draw) -> list[Part]:
     elbow = (0, 0.04 + lower * math.cos(lean), lower * math.sin(lean))
     wrist = (0, elbow[1] + upper * math.cos(bend), elbow[2] - upper * math.sin(bend))
     head = lathe("head", [(0.09, -0.1), (0.05, -0.02), (0.03, 0.03)], 14, capped=False)
-    arms = [*both_sides([rod("arm", (0.012, 0.04, 0), (0.012, *elbow[1:]), 0.006, sides=6),
-                         rod("arm", (0.012, *elbow[1:]), (0.012, *wrist[1:]), 0.006, sides=6)]),
-            rod("joint", (-0.02, *elbow[1:]), (0.02, *elbow[1:]), 0.015)]
+    arms = [
+        *both_sides(
+            [
+                rod("arm", (0.012, 0.04, 0), (0.012, *elbow[1:]), 0.006, sides=6),
+                rod("arm", (0.012, *elbow[1:]), (0.012, *wrist[1:]), 0.006, sides=6),
+            ]
+        ),
+        rod("joint", (-0.02, *elbow[1:]), (0.02, *elbow[1:]), 0.015),
+    ]
     foot = lathe("foot", [(0.1, 0), (0.1, 0.025), (0.03, 0.045)], 16)
     parts = [*arms, moved(turned(head, 0, draw.between(10, 40)), wrist)]
     aside = draw.between(20, 60) if draw.chance(0.4) else 0.0
@@ -123,97 +168,12 @@ def _banker(draw: Draw) -> list[Part]:
     shell = [[(x, h + r * math.sin(a), -r * math.cos(a)) for a in angles] for x in (-w, w)]
     vertices = np.array(shell).reshape(-1, 3)
     faces = tuple((i, i + 1, i + 9, i + 8) for i in range(7))
-    return [Part("shade", vertices, faces), rod("tube", (-w * 0.9, h + 0.01, 0), (w * 0.9, h + 0.01, 0),
-                                               0.018, sides=8),
-            rod("stem", (0, 0.02, 0), (0, h + r * 0.9, 0), 0.01),
-            box("foot", (-0.1, 0.1), (0, 0.025), (-0.07, 0.07))]
-
-
-def _pendant(draw: Draw) -> list[Part]:
-    cord = draw.between(0.4, 0.9)
-    profile = draw.pick((
-        ((0.2, 0.0), (0.18, 0.08), (0.06, 0.2), (0.03, 0.26)),
-        ((0.26, 0.0), (0.05, 0.12), (0.03, 0.2)),
-        ((0.12, 0.0), (0.17, 0.1), (0.15, 0.2), (0.04, 0.3)),
-    ))
-    top = profile[-1][1]
-    return [lathe("shade", profile, 20, capped=False), _bulb(top * 0.4),
-            rod("cord", (0, top, 0), (0, top + cord, 0), 0.006, sides=6),
-            lathe("rose", [(0.06, top + cord), (0.05, top + cord + 0.03)], 12)]
-
-
-def _pendant_row(draw: Draw) -> list[Part]:
-    count, step = draw.pick((3, 5)), 0.24
-    half = (count - 1) / 2
-    parts = [block("rail", (0, 0.8, 0), (count * step, 0.03, 0.06))]
-    for i in range(count):
-        low = 0.3 + 0.06 * abs(i - half) if draw.index % 2 else 0.3
-        parts += [shade("shade", 0.09, 0.04, (low, low + 0.14), 12, ((i - half) * step, 0, 0)),
-                  rod("cord", ((i - half) * step, low + 0.12, 0), ((i - half) * step, 0.79, 0), 0.004,
-                      sides=6)]
-    return parts
-
-
-def _chandelier(draw: Draw) -> list[Part]:
-    arms, r = draw.pick((4, 6, 8)), draw.between(0.3, 0.42)
-    body = lathe("body", [(0.0, 0), (0.05, 0.05), (0.02, 0.12), (0.06, 0.2), (0.015, 0.3), (0.01, 0.7),
-                          (0.05, 0.72), (0.05, 0.74)], 12)
-    parts = [body]
-    for a in (2 * math.pi * i / arms for i in range(arms)):
-        c, s = math.sin(a), math.cos(a)
-        path = [(0.02 * c, 0.18, 0.02 * s), (0.5 * r * c, 0.06, 0.5 * r * s), (r * c, 0.12, r * s),
-                (r * c, 0.2, r * s)]
-        parts += [tube("arm", path, 0.009, 6),
-                  shade("shade", 0.06, 0.03, (0.24, 0.33), 8, (r * c, 0, r * s)),
-                  lathe("candle", [(0.012, 0.19), (0.012, 0.28)], 6, (r * c, 0, r * s))]
-    return parts
-
-
-def _ring(draw: Draw) -> list[Part]:
-    parts = []
-    for i in range(draw.whole(1, 3)):
-        r, y = 0.4 - 0.1 * i, 0.14 * i
-        parts.append(hoop("ring", [(r - 0.03, y), (r, y), (r, y + 0.05), (r - 0.03, y + 0.05)], 24))
-    top = 0.9
-    cords = [rod("cord", (0.38 * math.sin(a), 0.04, 0.38 * math.cos(a)), (0, top, 0), 0.004, sides=6)
-             for a in (2 * math.pi * k / 3 for k in range(3))]
-    return [*parts, *cords, lathe("rose", [(0.06, top), (0.06, top + 0.03)], 12)]
-
-
-def _lantern(draw: Draw) -> list[Part]:
-    s, h, t = draw.between(0.08, 0.14), draw.between(0.25, 0.4), 0.012
-    window = [(-s + 0.02, s - 0.02, 0.05, h - 0.04)]
-    front = [panel("frame", 2, (z, z + math.copysign(t, -z)), (-s, s), (0.02, h), window)
-             for z in (-s, s)]
-    side = both_sides([panel("frame", 0, (s - t, s), (0.02, h), (-s + t, s - t),
-                             [(0.05, h - 0.04, -s + 0.02, s - 0.02)])])
-    roof = lathe("roof", [(s * 1.5, h), (0.03, h + 0.1), (0.03, h + 0.12)], 4, phase=0.5)
-    ring_path = [(0.05 * math.sin(a), h + 0.17 - 0.05 * math.cos(a), 0)
-                 for a in np.linspace(0, 2 * math.pi, 11)]
-    return [box("floor", (-s, s), (0, 0.02), (-s, s)), *front, *side, roof, _bulb(h * 0.4),
-            rod("candle", (0, 0.02, 0), (0, h * 0.35, 0), 0.025), tube("handle", ring_path, 0.006, 6)]
-
-
-def _street(draw: Draw) -> list[Part]:
-    h, reach = draw.between(2.6, 3.4), draw.between(0.5, 0.9)
-    pole = lathe("pole", [(0.12, 0), (0.12, 0.25), (0.06, 0.3), (0.035, h)], 10)
-    arm = [(0, h - 0.1, 0), (0, h + 0.12, -reach * 0.4), (0, h + 0.15, -reach)]
-    head = prism("head", 0, [(h + 0.12, -reach + 0.05), (h + 0.22, -reach), (h + 0.18, -reach - 0.45),
-                             (h + 0.1, -reach - 0.4)], (-0.1, 0.1))
-    parts = [tube("arm", arm, 0.03, 6), head]
-    if draw.chance(0.5):
-        parts += [part._replace(vertices=part.vertices * (-1, 1, -1)) for part in parts]
-    return [pole, *parts]
-
-
-def _lamppost(draw: Draw) -> list[Part]:
-    h = draw.between(1.6, 2.3)
-    pole = lathe("pole", [(0.16, 0), (0.16, 0.08), (0.09, 0.2), (0.05, 0.4), (0.04, h), (0.08, h + 0.03)],
-                 12)
-    cage = shade("glass", 0.09, 0.16, (h + 0.03, h + 0.35), 6)
-    cap = lathe("cap", [(0.2, h + 0.35), (0.05, h + 0.5), (0.0, h + 0.6)], 6, phase=0.5)
-    return [pole, cage, cap, *both_sides([rod("bar", (0.04, h - 0.15, 0), (0.25, h - 0.15, 0), 0.012,
-                                              sides=6)])]
+    return [
+        Part("shade", vertices, faces),
+        rod("tube", (-w * 0.9, h + 0.01, 0), (w * 0.9, h + 0.01, 0), 0.018, sides=8),
+        rod("stem", (0, 0.02, 0), (0, h + r * 0.9, 0), 0.01),
+        box("foot", (-0.1, 0.1), (0, 0.025), (-0.07, 0.07)),
+    ]
 
 
 def _torchiere(draw: Draw) -> list[Part]:
@@ -238,36 +198,51 @@ def _column(draw: Draw) -> list[Part]:
     sides = 16 if round_ else 4
     bands = draw.whole(2, 5)
     step = h / bands
-    paper = [shade("paper", s, s, (0.05 + i * step, 0.05 + (i + 0.85) * step), sides) for i in range(bands)]
-    posts = both_sides([box("post", (s * 0.66, s * 0.72), (0, h + 0.05), (z - 0.006, z + 0.006))
-                        for z in (-s * 0.7, s * 0.7)])
+    paper = [
+        shade("paper", s, s, (0.05 + i * step, 0.05 + (i + 0.85) * step), sides)
+        for i in range(bands)
+    ]
+    posts = both_sides(
+        [
+            box("post", (s * 0.66, s * 0.72), (0, h + 0.05), (z - 0.006, z + 0.006))
+            for z in (-s * 0.7, s * 0.7)
+        ]
+    )
     return [*paper, *posts, lathe("foot", [(s * 1.1, 0), (s * 1.1, 0.03)], sides, phase=0.5)]
-
-
-def _sconce(draw: Draw) -> list[Part]:
-    reach = draw.between(0.12, 0.22)
-    plate = box("plate", (-0.06, 0.06), (-0.15, 0.15), (0, 0.02))
-    parts = [plate]
-    for x in (0.0,) if draw.chance(0.4) else (-0.14, 0.14):
-        parts += [tube("arm", [(0, 0, 0), (x * 0.7, -0.07, -reach * 0.7), (x, 0, -reach)], 0.01, 6),
-                  shade("shade", 0.08, 0.05, (0.0, 0.14), 12, (x, 0, -reach))]
-    return parts
 
 
 def _light_box(draw: Draw) -> list[Part]:
     """A studio light: an open box on a stand with a yoke."""
     w, h = draw.between(0.2, 0.3), draw.between(0.9, 1.3)
     head = box("head", (-w, w), (-w * 0.7, w * 0.7), (-0.08, 0.08), without=("-z",))
-    flaps = both_sides([sheet("flap", (w, -w * 0.7, -0.08), (w, w * 0.7, -0.08),
-                              (w + 0.1, w * 0.7, -0.25), (w + 0.1, -w * 0.7, -0.25))])
-    yoke = tube("yoke", [(-w - 0.02, 0, 0), (-w - 0.02, -w, 0), (w + 0.02, -w, 0), (w + 0.02, 0, 0)],
-                0.01, 6)
+    flaps = both_sides(
+        [
+            sheet(
+                "flap",
+                (w, -w * 0.7, -0.08),
+                (w, w * 0.7, -0.08),
+                (w + 0.1, w * 0.7, -0.25),
+                (w + 0.1, -w * 0.7, -0.25),
+            )
+        ]
+    )
+    yoke = tube(
+        "yoke",
+        [(-w - 0.02, 0, 0), (-w - 0.02, -w, 0), (w + 0.02, -w, 0), (w + 0.02, 0, 0)],
+        0.01,
+        6,
+    )
     tilt = draw.between(-5, 25)
     top = [turned(part, 0, tilt) for part in (head, *flaps)]
-    legs = [rod("leg", (0, 0.35, 0), (0.35 * math.sin(a), 0, 0.35 * math.cos(a)), 0.01, sides=6)
-            for a in (2 * math.pi * i / 3 for i in range(3))]
-    return [*[moved(part, (0, h + w, 0)) for part in (*top, yoke)],
-            rod("stand", (0, 0.2, 0), (0, h, 0), 0.015), *legs]
+    legs = [
+        rod("leg", (0, 0.35, 0), (0.35 * math.sin(a), 0, 0.35 * math.cos(a)), 0.01, sides=6)
+        for a in (2 * math.pi * i / 3 for i in range(3))
+    ]
+    return [
+        *[moved(part, (0, h + w, 0)) for part in (*top, yoke)],
+        rod("stand", (0, 0.2, 0), (0, h, 0), 0.015),
+        *legs,
+    ]
 
 
 def _spots(draw: Draw) -> list[Part]:
@@ -282,41 +257,25 @@ def _spots(draw: Draw) -> list[Part]:
     return parts
 
 
-def _cage(draw: Draw) -> list[Part]:
-    """A bulb hanging in a cage of wires."""
-    r, h, wires = draw.between(0.14, 0.22), draw.between(0.25, 0.4), draw.whole(5, 8)
-    line = [(0.03, h), (r, h * 0.6), (r * 0.8, h * 0.2), (r * 0.45, 0)]
-    parts = [rod("cord", (0, h, 0), (0, h + 0.5, 0), 0.006, sides=6),
-             lathe("socket", [(0.035, h - 0.06), (0.035, h + 0.02), (0.015, h + 0.05)], 10), _bulb(h - 0.1)]
-    for i in range(wires):
-        a = 2 * math.pi * i / wires
-        parts.append(tube("wire", [(x * math.sin(a), y, x * math.cos(a)) for x, y in line], 0.005, 5))
-    for x, y in line[1:]:
-        parts.append(hoop("ring", [(x - 0.005, y - 0.005), (x + 0.005, y - 0.005), (x + 0.005, y + 0.005),
-                                   (x - 0.005, y + 0.005)], 16))
-    return parts
-
-
-def _cluster(draw: Draw) -> list[Part]:
-    """Globes hanging at unlike heights."""
-    parts = [lathe("rose", [(0.25, 1.2), (0.25, 1.23)], 16)]
-    count = draw.whole(3, 6)
-    for i in range(count):
-        a, r, y = 2.4 * i, 0.2 * math.sqrt((i + 0.5) / count), draw.between(0.1, 0.8)
-        x, z, size = r * math.cos(a), r * math.sin(a), draw.between(0.06, 0.1)
-        parts += [ellipsoid("globe", (x, y, z), (size, size, size), 12, 7),
-                  rod("cord", (x, y, z), (x, 1.21, z), 0.004, sides=5)]
-    return parts
-
-
 def _cube_frame(draw: Draw) -> list[Part]:
     """A glowing ball in an open cube of bars."""
     s, t = draw.between(0.12, 0.2), 0.012
-    bars = [block("bar", center, size) for a in (-s, s) for b in (-s, s) for center, size in (
-        ((a, s, b), (t, 2 * s, t)), ((a, s + b, 0), (t, t, 2 * s)), ((0, s + a, b), (2 * s, t, t)))]
+    bars = [
+        block("bar", center, size)
+        for a in (-s, s)
+        for b in (-s, s)
+        for center, size in (
+            ((a, s, b), (t, 2 * s, t)),
+            ((a, s + b, 0), (t, t, 2 * s)),
+            ((0, s + a, b), (2 * s, t, t)),
+        )
+    ]
     r = s * draw.between(0.4, 0.6)
-    return [*bars, ellipsoid("globe", (0, r + t, 0), (r, r, r), 14, 8),
-            box("floor", (-s, s), (-t, 0), (-s, s))]
+    return [
+        *bars,
+        ellipsoid("globe", (0, r + t, 0), (r, r, r), 14, 8),
+        box("floor", (-s, s), (-t, 0), (-s, s)),
+    ]
 
 
 def _candelabra(draw: Draw) -> list[Part]:
@@ -325,18 +284,40 @@ def _candelabra(draw: Draw) -> list[Part]:
     half = (count - 1) // 2
     for k in range(1, half + 1):
         x = k * step
-        path = [(0.0, h * 0.75 - x, 0)] + [(x * math.sin(a), h * 0.75 - x * math.cos(a), 0)
-                                           for a in (0.5, 1.0, math.pi / 2)] + [(x, h, 0)]
+        path = (
+            [(0.0, h * 0.75 - x, 0)]
+            + [(x * math.sin(a), h * 0.75 - x * math.cos(a), 0) for a in (0.5, 1.0, math.pi / 2)]
+            + [(x, h, 0)]
+        )
         parts += both_sides([tube("arm", path, 0.012, 6)])
-    cups = [lathe("cup", [(0.02, h - 0.01), (0.035, h + 0.02)], 8, (k * step, 0, 0))
-            for k in range(-half, half + 1)]
-    candles = [rod("candle", (k * step, h, 0), (k * step, h + 0.14, 0), 0.014, sides=8)
-               for k in range(-half, half + 1)]
+    cups = [
+        lathe("cup", [(0.02, h - 0.01), (0.035, h + 0.02)], 8, (k * step, 0, 0))
+        for k in range(-half, half + 1)
+    ]
+    candles = [
+        rod("candle", (k * step, h, 0), (k * step, h + 0.14, 0), 0.014, sides=8)
+        for k in range(-half, half + 1)
+    ]
     return parts + cups + candles
 
 
 KINDS: tuple[Callable[[Draw], list[Part]], ...] = (
-    _floor, _arc, _tripod, _vase, _stacked, _desk, _banker, _pendant, _pendant_row, _chandelier,
-    _ring, _lantern, _street, _lamppost, _torchiere, _mushroom, _column, _sconce, _light_box, _spots,
-    _vase, _floor, _desk, _tripod, _cage, _cluster, _cube_frame, _candelabra,
+    _floor,
+    _arc,
+    _tripod,
+    _vase,
+    _stacked,
+    _desk,
+    _banker,
+    _torchiere,
+    _mushroom,
+    _column,
+    _light_box,
+    _spots,
+    _cube_frame,
+    _candelabra,
+    *MOUNTED_LAMPS,
+    _vase,
+    _floor,
+    _tripod,
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from pnabs.dataset.samples.parts import Part
@@ -54,10 +56,11 @@ def obj_text(
                     normals[normal] = len(normals) + 1
                     lines.append(normal)
                 end = f"/{normals[normal]}"
-            fans = [(face[0], a, b) for a, b in zip(face[1:-1], face[2:], strict=True)]
+            fans = [(face[0], a, b) for a, b in itertools.pairwise(face[1:])]
             for polygon in fans if triangles else [face]:
-                corners = (f"{i + start}/{i + start}{end}" if shading else f"{i + start}"
-                           for i in polygon)
+                corners = (
+                    f"{i + start}/{i + start}{end}" if shading else f"{i + start}" for i in polygon
+                )
                 lines.append("f " + " ".join(corners))
         start += len(part.vertices)
     return "\n".join(lines) + "\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -33,7 +34,7 @@ class Part(NamedTuple):
 def signed_volume(part: Part) -> float:
     """Volume by the divergence theorem about the vertices' mean; exact for closed parts."""
     points = part.vertices - part.vertices.mean(axis=0)
-    fans = [(face[0], *pair) for face in part.faces for pair in zip(face[1:], face[2:], strict=False)]
+    fans = [(face[0], *pair) for face in part.faces for pair in itertools.pairwise(face[1:])]
     a, b, c = points[np.array(fans)].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
@@ -82,14 +83,3 @@ def reflected(part: Part, axis: int = 0) -> Part:
 def both_sides(parts: Iterable[Part], axis: int = 0) -> list[Part]:
     """Every part with its mirror image, left to right unless `axis` says otherwise."""
     return [side for part in parts for side in (part, reflected(part, axis))]
-
-
-def joined(name: str, parts: Sequence[Part]) -> Part:
-    """Parts as one, still touching nowhere."""
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
-    faces = tuple(
-        tuple(index + int(start) for index in face)
-        for start, part in zip(starts, parts, strict=True)
-        for face in part.faces
-    )
-    return Part(name, np.concatenate([part.vertices for part in parts]), faces)

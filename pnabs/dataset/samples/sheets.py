@@ -93,9 +93,7 @@ def panel(
     return Part(name, vertices, made)
 
 
-def hoop(
-    name: str, profile: ArrayLike, sides: int = 20, centre: ArrayLike = (0, 0, 0)
-) -> Part:
+def hoop(name: str, profile: ArrayLike, sides: int = 20, centre: ArrayLike = (0, 0, 0)) -> Part:
     """A closed outline of (radius, height), (N, 2), turned about the vertical: a ring."""
     outline = np.asarray(profile, dtype=np.float64)
     count = len(outline)

@@ -10,41 +10,32 @@ import numpy as np
 from pnabs.dataset.samples.draw import Draw
 from pnabs.dataset.samples.parts import Part, both_sides, moved, turned
 from pnabs.dataset.samples.sheets import panel
-from pnabs.dataset.samples.solids import Span, block, box, lathe, prism, rod, tube
+from pnabs.dataset.samples.sofa_parts import Plan, sofa_arms, sofa_back, sofa_seat
+from pnabs.dataset.samples.solids import block, box, lathe, prism
 
 LAYOUTS = (
-    "straight", "corner left", "straight", "corner right", "chaise", "two sides", "curved",
-    "straight", "daybed", "facing", "borne", "back to back", "conversation", "modules", "futon",
+    "straight",
+    "corner left",
+    "straight",
+    "corner right",
+    "chaise",
+    "two sides",
+    "curved",
+    "straight",
+    "daybed",
+    "facing",
+    "borne",
+    "back to back",
+    "conversation",
+    "modules",
+    "futon",
 )
-FEET = ("plinth", "legs", "blocks", "tall legs", "runners", "none")
+
+
 ARMS = ("box", "round", "thin", "none", "frame", "flared", "low")
+
+
 BACKS = ("cushions", "solid", "camel", "slats", "low", "split", "rolled")
-
-
-class Plan:
-    """Measures of one sofa, front towards -z.
-
-    Attributes
-    ----------
-    half, depth : float
-        Half the inner width, and depth of the seat with its back.
-    floor, seat, top : float
-        Heights of underside, seat and top of the back.
-    arm, back : float
-        Thickness of armrest and back.
-    """
-
-    def __init__(self, draw: Draw) -> None:
-        self.half = draw.between(0.5, 1.05)
-        self.depth = draw.between(0.75, 0.95)
-        self.feet = draw.cycle("feet", FEET)
-        low = {"tall legs": (0.18, 0.24), "none": (0.0, 0.0), "plinth": (0.06, 0.06)}
-        self.floor = draw.between(*low.get(self.feet, (0.09, 0.13)))
-        self.seat = self.floor + draw.between(0.2, 0.28)
-        self.top = self.seat + draw.between(0.3, 0.5)
-        self.arm = draw.between(0.1, 0.22)
-        self.back = draw.between(0.12, 0.22)
-        self.cushions = draw.whole(1, 3)
 
 
 def sofa(draw: Draw) -> list[Part]:
@@ -53,11 +44,11 @@ def sofa(draw: Draw) -> list[Part]:
     arms, back = draw.cycle("arms", ARMS), draw.cycle("back", BACKS)
     if layout in SHAPED:
         return SHAPED[layout](draw, plan)
-    seat = _seat(draw, plan, (-plan.half, plan.half))
+    seat = sofa_seat(draw, plan, (-plan.half, plan.half))
     if layout == "daybed":
-        ends = _arms(draw.pick(("round", "flared", "frame")), plan)
+        ends = sofa_arms(draw.pick(("round", "flared", "frame")), plan)
         return [*seat, *(ends if draw.chance(0.5) else ends[: len(ends) // 2])]
-    parts, armrests = [*seat, *_back(draw, back, plan)], _arms(arms, plan)
+    parts, armrests = [*seat, *sofa_back(draw, back, plan)], sofa_arms(arms, plan)
     if layout in ("corner left", "corner right"):
         side = -1 if layout == "corner left" else 1
         free = [arm for arm in armrests if float(arm.vertices[:, 0].mean()) * side < 0]
@@ -68,102 +59,12 @@ def sofa(draw: Draw) -> list[Part]:
     if layout == "chaise":
         return parts + _wing(plan, draw.pick((-1, 1)), back_too=False)
     if layout == "facing":
-        table = [block("table", (0, 0.36, -1.0), (plan.half, 0.04, 0.5)),
-                 *both_sides([block("table_leg", (plan.half * 0.42, 0.17, -1.0), (0.05, 0.34, 0.4))])]
+        table = [
+            block("table", (0, 0.36, -1.0), (plan.half, 0.04, 0.5)),
+            *both_sides([block("table_leg", (plan.half * 0.42, 0.17, -1.0), (0.05, 0.34, 0.4))]),
+        ]
         return parts + table
     return parts
-
-
-def _seat(draw: Draw, p: Plan, x: Span) -> list[Part]:
-    front, rear = -p.depth / 2, p.depth / 2
-    middle = p.floor + (p.seat - p.floor) * 0.5
-    parts = [box("base", x, (p.floor, middle), (front, rear))]
-    step = (x[1] - x[0]) / p.cushions
-    for i in range(p.cushions):
-        low = x[0] + i * step
-        parts.append(box("seat_cushion", (low + 0.008, low + step - 0.008), (middle - 0.005, p.seat),
-                         (front - 0.015, rear - p.back)))
-    return parts + _feet(draw, p, x, (front, rear))
-
-
-def _feet(draw: Draw, p: Plan, x: Span, z: Span) -> list[Part]:
-    if p.feet == "none":
-        return []
-    if p.feet == "plinth":
-        return [box("plinth", (x[0] + 0.06, x[1] - 0.06), (0, p.floor), (z[0] + 0.06, z[1] - 0.06))]
-    ends = [(a, c) for a in (x[0] + 0.08, x[1] - 0.08) for c in (z[0] + 0.08, z[1] - 0.08)]
-    if p.feet == "legs":
-        return [rod("foot", (a, p.floor, c), (a * 1.02, 0, c * 1.05), 0.03, 0.015, 8)
-                for a, c in ends]
-    if p.feet == "tall legs":
-        return [block("leg", (a, p.floor / 2, c), (0.04, p.floor, 0.04)) for a, c in ends]
-    if p.feet == "runners":
-        loop = [(0, p.floor, z[0] + 0.05), (0, 0.012, z[0] + 0.05), (0, 0.012, z[1] - 0.05),
-                (0, p.floor, z[1] - 0.05)]
-        return [moved(tube("runner", loop, 0.014, 6), (a, 0, 0)) for a in (x[0] + 0.1, x[1] - 0.1)]
-    return [block("foot", (a, p.floor / 2, c), (0.1, p.floor, 0.1)) for a, c in ends]
-
-
-def _back(draw: Draw, kind: str, p: Plan) -> list[Part]:
-    w, rear, deep = p.half, p.depth / 2, p.back
-    z = (rear - deep, rear)
-    if kind == "low":
-        return [box("back", (-w, w), (p.floor, p.seat + 0.16), z)]
-    if kind == "camel":
-        line = [(a, p.seat + (p.top - p.seat) * (0.6 + 0.4 * math.cos(a / w * math.pi / 2)))
-                for a in np.linspace(-w, w, 13)]
-        return [prism("back", 2, [(-w, p.floor), (w, p.floor), *reversed(line)], z)]
-    if kind == "slats":
-        count = draw.whole(6, 12)
-        step = 2 * w / count
-        return [box("rail", (-w, w), (p.top - 0.06, p.top), (rear - 0.05, rear))] + [
-            block("slat", ((i + 0.5) * step - w, (p.floor + p.top) / 2 - 0.03, rear - 0.025),
-                  (step * 0.35, p.top - p.floor - 0.06, 0.03)) for i in range(count)]
-    if kind == "split":
-        gap = 0.05
-        return [panel("back", 2, z, (-w, w), (p.floor, p.top),
-                      [(-gap, gap, p.seat + 0.02, p.top + 1)])]
-    if kind == "rolled":
-        return [box("back", (-w, w), (p.floor, p.top - 0.06), (rear - deep * 0.6, rear)),
-                rod("roll", (-w, p.top - 0.08, rear - deep * 0.3), (w, p.top - 0.08,
-                                                                   rear - deep * 0.3),
-                    deep * 0.55, sides=12)]
-    if kind == "cushions":
-        step = 2 * w / p.cushions
-        lean = draw.between(8, 18)
-        frame = [box("back_frame", (-w, w), (p.floor, p.top - 0.12), (rear - 0.06, rear))]
-        for i in range(p.cushions):
-            low = -w + i * step
-            cushion = box("back_cushion", (low + 0.01, low + step - 0.01), (p.seat, p.top),
-                          (rear - deep - 0.02, rear - 0.05))
-            frame.append(turned(cushion, 0, lean, (0, p.seat, rear - 0.1)))
-        return frame
-    return [box("back", (-w, w), (p.floor, p.top), z)]
-
-
-def _arms(kind: str, p: Plan) -> list[Part]:
-    w, t, front, rear = p.half, p.arm, -p.depth / 2, p.depth / 2
-    rest = p.seat + (p.top - p.seat) * 0.5
-    if kind == "box":
-        parts = [box("arm", (w, w + t), (p.floor, rest), (front, rear))]
-    elif kind == "low":
-        parts = [box("arm", (w, w + t * 1.4), (p.floor, p.seat + 0.05), (front, rear))]
-    elif kind == "thin":
-        parts = [box("arm", (w, w + 0.05), (p.floor * 0.3, p.top * 0.92), (front, rear))]
-    elif kind == "round":
-        parts = [box("arm", (w, w + t * 0.8), (p.floor, rest), (front, rear)),
-                 rod("arm_roll", (w + t * 0.5, rest, front - 0.01), (w + t * 0.5, rest, rear),
-                     t * 0.6, sides=12)]
-    elif kind == "frame":
-        parts = [panel("arm", 0, (w, w + 0.05), (0, rest), (front, rear),
-                       [(p.floor + 0.02, rest - 0.05, front + 0.06, rear - 0.06)])]
-    elif kind == "flared":
-        outline = [(w, p.floor), (w + t * 0.5, p.floor), (w + t * 1.6, rest + 0.05),
-                   (w + t * 0.8, rest + 0.07)]
-        parts = [prism("arm", 2, outline, (front, rear))]
-    else:
-        parts = []
-    return both_sides(parts)
 
 
 def _wing(p: Plan, side: int, *, back_too: bool) -> list[Part]:
@@ -172,21 +73,29 @@ def _wing(p: Plan, side: int, *, back_too: bool) -> list[Part]:
     x = (min(side * outer, side * inner), max(side * outer, side * inner))
     reach = -p.depth / 2 - (0.9 if back_too else 0.6)
     middle = (p.floor + p.seat) / 2
-    parts = [box("wing_base", x, (p.floor, middle), (reach, -p.depth / 2)),
-             box("wing_cushion", (x[0] + 0.01, x[1] - 0.01), (middle - 0.005, p.seat),
-                 (reach, -p.depth / 2 - 0.02))]
+    parts = [
+        box("wing_base", x, (p.floor, middle), (reach, -p.depth / 2)),
+        box(
+            "wing_cushion",
+            (x[0] + 0.01, x[1] - 0.01),
+            (middle - 0.005, p.seat),
+            (reach, -p.depth / 2 - 0.02),
+        ),
+    ]
     if back_too:
         wall = side * (outer + p.back)
         parts.append(box("wing_back", (side * outer, wall), (p.floor, p.top), (reach, p.depth / 2)))
     if p.floor > 0:
-        parts += [block("foot", (a, p.floor / 2, reach + 0.06), (0.05, p.floor, 0.05))
-                  for a in (x[0] + 0.06, x[1] - 0.06)]
+        parts += [
+            block("foot", (a, p.floor / 2, reach + 0.06), (0.05, p.floor, 0.05))
+            for a in (x[0] + 0.06, x[1] - 0.06)
+        ]
     return parts
 
 
 def _curved(draw: Draw, p: Plan) -> list[Part]:
     """An arc of seat and back about a point in front."""
-    inner, spread = draw.between(0.5, 0.9), draw.between(1.1, 1.6)
+    inner, spread = draw.between(0.5, 0.9), draw.variant("arc", (0.75, 1.1, 1.5))
     angles = np.linspace(-spread, spread, 13)
 
     def arc(name: str, near: float, far: float, low: float, high: float) -> Part:
@@ -195,19 +104,29 @@ def _curved(draw: Draw, p: Plan) -> list[Part]:
         return prism(name, 1, line, (low, high))
 
     far = inner + p.depth
-    parts = [arc("seat", inner, far - p.back, p.floor, p.seat),
-             arc("back", far - p.back, far, p.floor, p.top)]
+    parts = [
+        arc("seat", inner, far - p.back, p.floor, p.seat),
+        arc("back", far - p.back, far, p.floor, p.top),
+    ]
     if p.floor > 0:
-        parts += [lathe("foot", [(0.035, 0), (0.035, p.floor)], 8,
-                        ((inner + p.depth / 2) * math.sin(a), 0, (inner + p.depth / 2) * math.cos(a)))
-                  for a in np.linspace(-spread * 0.9, spread * 0.9, 5)]
+        parts += [
+            lathe(
+                "foot",
+                [(0.035, 0), (0.035, p.floor)],
+                8,
+                ((inner + p.depth / 2) * math.sin(a), 0, (inner + p.depth / 2) * math.cos(a)),
+            )
+            for a in np.linspace(-spread * 0.9, spread * 0.9, 5)
+        ]
     return parts
 
 
 def _borne(draw: Draw, p: Plan) -> list[Part]:
     """A round seat about a middle column."""
     r, sides = draw.between(0.6, 0.8), draw.pick((8, 16))
-    column = lathe("back", [(r * 0.45, p.seat - 0.02), (r * 0.3, p.top), (r * 0.1, p.top + 0.05)], sides)
+    column = lathe(
+        "back", [(r * 0.45, p.seat - 0.02), (r * 0.3, p.top), (r * 0.1, p.top + 0.05)], sides
+    )
     seat = lathe("seat", [(r, p.floor), (r, p.seat - 0.05), (r - 0.05, p.seat)], sides)
     foot = [lathe("plinth", [(r * 0.85, 0), (r * 0.85, p.floor)], sides)] if p.floor > 0 else []
     return [seat, column, *foot]
@@ -216,7 +135,7 @@ def _borne(draw: Draw, p: Plan) -> list[Part]:
 def _back_to_back(draw: Draw, p: Plan) -> list[Part]:
     """Seats on both sides of one back."""
     x = (-p.half, p.half)
-    near = [moved(part, (0, 0, -p.depth / 2)) for part in _seat(draw, p, x)]
+    near = [moved(part, (0, 0, -p.depth / 2)) for part in sofa_seat(draw, p, x)]
     back = box("back", x, (p.floor, p.top), (-p.back, p.back))
     far = [turned(part, 1, 180) for part in near]
     return [*near, *far, back]
@@ -225,11 +144,17 @@ def _back_to_back(draw: Draw, p: Plan) -> list[Part]:
 def _conversation(draw: Draw, p: Plan) -> list[Part]:
     """Two seats side by side that look opposite ways, between them an S-shaped back."""
     w = draw.between(0.55, 0.7)
-    seat = [box("seat", (0.04, w), (p.floor, p.seat), (-w / 2, w / 2)),
-            box("back", (0.04, w + 0.1), (p.floor, p.top), (w / 2, w / 2 + 0.12)),
-            box("arm", (w, w + 0.1), (p.floor, p.seat + 0.2), (-w / 2, w / 2)),
-            *(block("foot", (x, p.floor / 2, z), (0.06, p.floor, 0.06))
-              for x in (0.1, w) for z in (-w / 2 + 0.05, w / 2) if p.floor > 0)]
+    seat = [
+        box("seat", (0.04, w), (p.floor, p.seat), (-w / 2, w / 2)),
+        box("back", (0.04, w + 0.1), (p.floor, p.top), (w / 2, w / 2 + 0.12)),
+        box("arm", (w, w + 0.1), (p.floor, p.seat + 0.2), (-w / 2, w / 2)),
+        *(
+            block("foot", (x, p.floor / 2, z), (0.06, p.floor, 0.06))
+            for x in (0.1, w)
+            for z in (-w / 2 + 0.05, w / 2)
+            if p.floor > 0
+        ),
+    ]
     middle = box("middle", (-0.06, 0.06), (p.floor, p.top), (-w / 2 - 0.12, w / 2 + 0.12))
     return [*seat, *(turned(part, 1, 180) for part in seat), middle]
 
@@ -251,21 +176,36 @@ def _modules(draw: Draw, p: Plan) -> list[Part]:
 
 def _futon(draw: Draw, p: Plan) -> list[Part]:
     """A thin mattress on an open slatted frame."""
-    w, lean, count = p.half, draw.between(15, 30), draw.whole(7, 12)
+    w, lean, count = p.half, draw.variant("futon", (20.0, 32.0, 84.0)), draw.whole(7, 12)
     step = 2 * w / count
-    parts = [box("mattress", (-w, w), (0.3, 0.42), (-0.4, 0.4)),
-             turned(box("mattress_back", (-w, w), (0.42, 0.95), (0.28, 0.4)), 0, lean, (0, 0.42, 0.34))]
+    parts = [
+        box("mattress", (-w, w), (0.3, 0.42), (-0.4, 0.4)),
+        turned(box("mattress_back", (-w, w), (0.42, 0.95), (0.28, 0.4)), 0, lean, (0, 0.42, 0.34)),
+    ]
     for i in range(count):
         x = (i + 0.5) * step - w
-        parts += [block("slat", (x, 0.285, 0), (step * 0.4, 0.03, 0.8)),
-                  turned(block("slat", (x, 0.67, 0.415), (step * 0.4, 0.5, 0.03)), 0, lean,
-                         (0, 0.42, 0.34))]
-    frame = panel("end", 0, (w, w + 0.06), (0, 0.6), (-0.45, 0.5),
-                  [(0.08, 0.27, -0.37, 0.42), (0.33, 0.52, -0.37, 0.42)])
+        parts += [
+            block("slat", (x, 0.285, 0), (step * 0.4, 0.03, 0.8)),
+            turned(
+                block("slat", (x, 0.67, 0.415), (step * 0.4, 0.5, 0.03)), 0, lean, (0, 0.42, 0.34)
+            ),
+        ]
+    frame = panel(
+        "end",
+        0,
+        (w, w + 0.06),
+        (0, 0.6),
+        (-0.45, 0.5),
+        [(0.08, 0.27, -0.37, 0.42), (0.33, 0.52, -0.37, 0.42)],
+    )
     return [*parts, *both_sides([frame])]
 
 
 SHAPED: dict[str, Callable[[Draw, Plan], list[Part]]] = {
-    "curved": _curved, "borne": _borne, "back to back": _back_to_back, "conversation": _conversation,
-    "modules": _modules, "futon": _futon,
+    "curved": _curved,
+    "borne": _borne,
+    "back to back": _back_to_back,
+    "conversation": _conversation,
+    "modules": _modules,
+    "futon": _futon,
 }

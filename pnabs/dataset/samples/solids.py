@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -37,7 +38,7 @@ def block(name: str, centre: ArrayLike, size: ArrayLike) -> Part:
     return box(name, x, y, z)
 
 
-def _ears(outline: Float64) -> list[tuple[int, ...]]:
+def _ears(name: str, outline: Float64) -> list[tuple[int, ...]]:
     """Triangles of a simple polygon given counter-clockwise, (N, 2): ears cut one by one."""
 
     def cross(a: int, b: int, c: int) -> float:
@@ -56,7 +57,7 @@ def _ears(outline: Float64) -> list[tuple[int, ...]]:
                 del left[place]
                 break
         else:
-            raise ValueError("outline is not a simple counter-clockwise polygon")
+            raise ValueError(f"prism {name!r}: its outline crosses itself")
     return [*triangles, tuple(left)]
 
 
@@ -71,6 +72,11 @@ def prism(name: str, axis: int, outline: ArrayLike, span: Span) -> Part:
         A simple polygon, either way round; concave ones get triangulated ends.
     span
         From where to where along the axis.
+
+    Raises
+    ------
+    ValueError
+        If a concave outline crosses itself.
     """
     points = np.asarray(outline, dtype=np.float64)
     ahead, behind = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
@@ -80,7 +86,7 @@ def prism(name: str, axis: int, outline: ArrayLike, span: Span) -> Part:
     count = len(points)
     first, second = points - behind, ahead - points
     convex = bool(np.all(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] >= 0))
-    cap = [tuple(range(count))] if convex else _ears(points)
+    cap = [tuple(range(count))] if convex else _ears(name, points)
     sides = [(i, i + count, (i + 1) % count + count, (i + 1) % count) for i in range(count)]
     vertices = np.concatenate(
         [np.insert(points, axis, end, axis=1) for end in (min(span), max(span))]
@@ -119,7 +125,7 @@ def loft(
         vertices.extend(ring[:1] if pole else ring)
         indices.append([start] * count if pole else list(range(start, start + count)))
     faces: list[tuple[int, ...]] = []
-    for low, high in zip(indices[:-1], indices[1:], strict=True):
+    for low, high in itertools.pairwise(indices):
         for i in range(count if closed else count - 1):
             j = (i + 1) % count
             quad = tuple(dict.fromkeys((low[i], low[j], high[j], high[i])))
@@ -197,9 +203,7 @@ def tube(
         normal /= np.linalg.norm(normal)
         last = tangent
         side = np.cross(tangent, normal)
-        rings.append(
-            point + reach * (unit[:, :1] * normal + unit[:, 1:] * side * squash)
-        )
+        rings.append(point + reach * (unit[:, :1] * normal + unit[:, 1:] * side * squash))
     return loft(name, np.array(rings), capped=capped)
 
 
@@ -213,7 +217,7 @@ def rod(
 ) -> Part:
     """A straight round bar, tapered if `end_radius` differs."""
     radii = [radius, radius if end_radius is None else end_radius]
-    return tube(name, [start, end], radii, sides)
+    return tube(name, np.array([start, end], dtype=np.float64), radii, sides)
 
 
 def ellipsoid(
@@ -222,9 +226,7 @@ def ellipsoid(
     """An ellipsoid along the axes, poles at its z ends."""
     unit = circle(sides)
     stations = [
-        np.concatenate(
-            [unit * math.sin(angle), np.full((sides, 1), -math.cos(angle))], axis=1
-        )
+        np.concatenate([unit * math.sin(angle), np.full((sides, 1), -math.cos(angle))], axis=1)
         for angle in np.linspace(0, math.pi, rings)
     ]
     stations[0][:, :2] = stations[-1][:, :2] = 0
