@@ -27,7 +27,7 @@ class Body(NamedTuple):
 
 
 def city_body(draw: Draw, length: float, floor: float, roof: float) -> Body:
-    """A body of the given length and heights; its walls' thickness comes round evenly, 0 included."""
+    """A body of the given length and heights; its wall thickness comes round evenly, 0 included."""
     t = draw.cycle("walls", (0.06, 0.04, 0.0))
     return Body(draw.between(1.15, 1.3), (-length / 2, length / 2), floor, roof, t)
 

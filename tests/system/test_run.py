@@ -1,0 +1,197 @@
+"""Whole runs on local Ray: from nothing to the report, stopped, and run again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+import zarr
+
+from pnabs.formats import from_json
+from pnabs.stages.errors import InterruptedRunError, RefusedError
+from pnabs.stages.interrupts import Interrupts
+from pnabs.stages.progress import Reporter
+from pnabs.stages.run import Result
+from pnabs.stages.status import status, stored_context
+from pnabs.store.events import read_events
+from pnabs.store.ledger import Ledger
+from pnabs.store.run import RunFolder
+from tests.system.conftest import Launcher, tree
+
+MODELS = 17
+
+
+def test_the_run_folder_is_as_designed(finished: tuple[Path, Result]) -> None:
+    run, result = finished
+    assert result.exit_code == 0
+    assert "IoU at 64" in result.tables
+    assert "positives only" in result.tables
+    identity = json.loads((run / "run.json").read_text())
+    assert identity["settings"]["training"]["epochs"] == 4
+    assert identity["versions"]["torch"]
+    catalogue = pq.read_table(run / "catalogue.parquet")
+    assert len(catalogue) == MODELS
+    group = zarr.open_group(run / "fields.zarr" / "03001627", mode="r")
+    assert group["occupancy"].shape == (12, 32, 32, 32)
+    assert group["surface"].shape == (12, 2000, 6)
+    phases = ("positive-initial", "positive-refinement", "negative-initial", "negative-refinement")
+    for phase in phases:
+        (folder,) = (run / "variants/main/checkpoints" / phase).iterdir()
+        names = {path.name for path in folder.iterdir()}
+        assert names == {"weights.safetensors", "curves.json", "record.json"}
+        curves = json.loads((folder / "curves.json").read_text())
+        assert [point["epoch"] for point in curves] == [0, 1, 2, 3]
+        assert all(np.isfinite(point["total"]) for point in curves)
+    page = (run / "report/index.html").read_text()
+    assert page.startswith("<!doctype html>") or page.startswith("<!DOCTYPE html>")
+    assert json.loads((run / "report/tables.json").read_text())
+
+
+def test_a_model_without_a_mesh_is_quarantined_with_its_reason(
+    finished: tuple[Path, Result],
+) -> None:
+    run, _ = finished
+    (line,) = (run / "quarantine/ingest.jsonl").read_text().splitlines()
+    entry = json.loads(line)
+    assert entry["model_id"] == "f" * 32
+    assert entry["category"] == "03001627"
+    assert entry["kind"] == "invalid"
+    assert "model_normalized.obj" in entry["reason"]
+    rows = pq.read_table(run / "variants/main/metrics").to_pylist()
+    assert len(rows) == MODELS
+    (fallen,) = [row for row in rows if row["status"] != "ok"]
+    assert fallen["model_id"] == "f" * 32
+    assert fallen["iou_64"] is None
+
+
+def test_written_abstractions_read_back(finished: tuple[Path, Result]) -> None:
+    run, _ = finished
+    folders = sorted((run / "variants/main/abstractions").glob("*/*"))
+    assert len(folders) == MODELS - 1
+    for folder in folders[::5]:
+        abstraction = from_json((folder / "abstraction.json").read_bytes())
+        assert abstraction.model_id == folder.name
+        assert abstraction.check["ok"]
+        scene = trimesh.load(folder / "abstraction.glb")
+        written = trimesh.util.concatenate(list(scene.dump()))
+        written.merge_vertices()
+        assert written.is_watertight
+        again = abstraction.mesh()
+        mesh = trimesh.Trimesh(again.vertices, again.faces, process=False)
+        assert mesh.volume == pytest.approx(written.volume, rel=1e-5)
+
+
+def test_run_again_does_nothing(finished: tuple[Path, Result], launch: Launcher) -> None:
+    run, first = finished
+    before = tree(run)
+    shards = sum(event["event"] == "shard" for event in read_events(run))
+    again = launch(run)
+    assert again.tables == first.tables
+    assert tree(run) == before
+    assert sum(event["event"] == "shard" for event in read_events(run)) == shards
+
+
+def test_status_counts_what_is_done(finished: tuple[Path, Result]) -> None:
+    stages = {
+        item.stage: item for item in status(stored_context(RunFolder(finished[0]), Reporter()))
+    }
+    assert stages["ingest"].done == stages["ingest"].total == 5
+    assert stages["ingest"].models == MODELS
+    assert stages["ingest"].quarantined == {"invalid": 1}
+    assert stages["train positive-initial"].done == 4
+    assert stages["abstract"].done == 5
+
+
+class StopAfter(Interrupts):
+    """An interrupt that comes when the run has asked so many times."""
+
+    left = 0
+
+    def __call__(self) -> int | None:
+        """SIGINT, once the count is used up."""
+        StopAfter.left -= 1
+        return 2 if StopAfter.left < 0 else None
+
+
+def test_interrupted_and_run_again_equals_never_interrupted(
+    finished: tuple[Path, Result],
+    launch: Launcher,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    expected, _ = finished
+    run = tmp_path / "stopped"
+    monkeypatch.setattr("pnabs.stages.run.Interrupts", StopAfter)
+    stops = []
+    # Early in ingest, then a little further each time: within shards, phases and stages.
+    for patience in (2, 9, 25, 60):
+        StopAfter.left = patience
+        try:
+            launch(run)
+        except InterruptedRunError as error:
+            assert error.exit_code == 130
+            assert "To go on: pnabs run job.yaml" in str(error)
+            stops.append(str(error).partition(";")[0])
+    StopAfter.left = 10**9
+    launch(run)
+    assert any("ingest" in stop for stop in stops), stops
+    assert any("phase" in stop for stop in stops), stops
+    ours, theirs = tree(run), tree(expected)
+    assert ours.keys() == theirs.keys()
+    assert [name for name in theirs if ours[name] != theirs[name]] == []
+
+
+def test_a_lost_record_is_one_shard_again(
+    finished: tuple[Path, Result], launch: Launcher, tmp_path: Path
+) -> None:
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+    Ledger(run).withdraw("abstract", "02828884-00001")
+    before = tree(finished[0])
+    launch(run)
+    assert tree(run) == before
+    events = [event for event in read_events(run) if event["event"] == "shard"]
+    assert [event["shard"] for event in events if event["stage"] == "abstract"][-1] == (
+        "02828884-00001"
+    )
+
+
+def test_changed_settings_are_refused_then_redone(
+    finished: tuple[Path, Result], launch: Launcher, tmp_path: Path
+) -> None:
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+    with pytest.raises(RefusedError, match="abstract.debris") as refused:
+        launch(run, "abstract.debris=0.2")
+    assert refused.value.exit_code == 4
+    launch(run, "abstract.debris=0.2", accept=True)
+    ours, theirs = tree(run), tree(finished[0])
+    changed = {name for name in theirs if ours[name] != theirs[name]}
+    assert any(name.startswith("ledger/abstract/") for name in changed)
+    assert not [
+        name for name in changed if name.startswith(("fields", "ledger/ingest", "variants/main/ch"))
+    ]
+
+
+def test_added_models_are_refused_then_get_shards_of_their_own(
+    finished: tuple[Path, Result], launch: Launcher, samples: Path, tmp_path: Path
+) -> None:
+    run, data = tmp_path / "copy", tmp_path / "data"
+    shutil.copytree(finished[0], run)
+    shutil.copytree(samples, data)
+    source = next((data / "02828884").iterdir())
+    shutil.copytree(source, data / "02828884" / ("0" * 32))
+    more = Launcher(data)
+    with pytest.raises(RefusedError, match="added: 1 models"):
+        more(run)
+    more(run, accept=True, stages=("scan", "ingest"))
+    ours, theirs = tree(run), tree(finished[0])
+    assert "ledger/ingest/02828884-00002.json" in ours
+    for name in theirs:
+        if name.startswith("ledger/ingest/"):
+            assert ours[name] == theirs[name]
