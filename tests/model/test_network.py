@@ -10,11 +10,13 @@ from pnabs.model import network as module
 from pnabs.model.network import CuboidNetwork
 
 SMALL = settings.Network(channels=(2, 2, 4, 4, 8), hidden=16)
+INPUTS = pytest.mark.parametrize("refine_input", ["vector", "volume", "probes"])
 
 
-def build(options: settings.Network = SMALL, seed: int = 0, count: int = 3) -> CuboidNetwork:
-    start = torch.linspace(-0.3, 0.4, 3 * count).view(count, 3)
-    return CuboidNetwork(count, options, start, torch.Generator().manual_seed(seed))
+def build(refine_input: str = "probes", seed: int = 0) -> CuboidNetwork:
+    options = SMALL.model_copy(update={"refine_input": refine_input})
+    start = torch.linspace(-0.3, 0.4, 9).view(3, 3)
+    return CuboidNetwork(3, options, start, torch.Generator().manual_seed(seed))
 
 
 @pytest.fixture
@@ -28,8 +30,9 @@ def check_valid(cuboids: Tensor) -> None:
     np.testing.assert_allclose(cuboids[..., 3:7].norm(dim=-1).detach(), 1, atol=1e-5)
 
 
-def test_cuboids_start_at_rest(volume: Tensor) -> None:
-    network = build().eval()
+@INPUTS
+def test_cuboids_start_at_rest(refine_input: str, volume: Tensor) -> None:
+    network = build(refine_input).eval()
     found = network.initial(volume)
     check_valid(found)
     assert (found[..., 7:] - network.start).abs().max() < 0.2
@@ -39,8 +42,9 @@ def test_cuboids_start_at_rest(volume: Tensor) -> None:
     assert (refined - found).abs().max() < 0.05
 
 
-def test_output_stays_valid_whatever_the_weights(volume: Tensor) -> None:
-    network = build().eval()
+@INPUTS
+def test_output_stays_valid_whatever_the_weights(refine_input: str, volume: Tensor) -> None:
+    network = build(refine_input).eval()
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.mul_(20)
@@ -50,9 +54,13 @@ def test_output_stays_valid_whatever_the_weights(volume: Tensor) -> None:
     assert network.initial(volume)[..., 7:].abs().max() <= 0.5
 
 
-def test_refinement_adds_a_residual(volume: Tensor) -> None:
-    """With zeroed decoders but for one bias each, the residual is known."""
-    network = build().eval()
+@INPUTS
+def test_refinement_adds_a_residual(refine_input: str, volume: Tensor) -> None:
+    """With zeroed decoders but for one bias each, the residual is known.
+
+    Probing cuboids move in their own frame: x is theirs, after a quarter turn about y.
+    """
+    network = build(refine_input).eval()
     decoder = network.refine_decoder
     with torch.no_grad():
         for head in (decoder.scale, decoder.rotation, decoder.translation):
@@ -60,24 +68,42 @@ def test_refinement_adds_a_residual(volume: Tensor) -> None:
         decoder.scale.bias[0] = np.arctanh(0.2)
         decoder.rotation.bias[1] = np.arctanh(0.2)
         decoder.translation.bias[2] = np.arctanh(0.2)
-    previous = torch.tensor([0.3, 0.2, 0.1, 1, 0, 0, 0, 0.1, 0.2, 0.3]).expand(2, 3, 10)
-    refined = network.refine(network.encode(volume), previous)[0, 0].detach().numpy()
-    turned = np.array([1, 0.1, 0, 0]) / np.sqrt(1.01)
-    np.testing.assert_allclose(refined, [0.4, 0.2, 0.1, *turned, 0.1, 0.2, 0.4], atol=1e-6)
+    half = np.sqrt(0.5)
+    previous = torch.tensor([0.3, 0.2, 0.1, half, 0, half, 0, 0.1, 0.2, 0.3], dtype=torch.float32)
+    refined = network.refine(network.encode(volume), previous.expand(2, 3, 10))[0, 0].detach()
+    moved = [0.2, 0.2, 0.3] if refine_input == "probes" else [0.1, 0.2, 0.4]
+    turned = np.array([half, 0.1, half, 0]) / np.sqrt(1.01)
+    np.testing.assert_allclose(refined, [0.4, 0.2, 0.1, *turned, *moved], atol=1e-6)
 
 
-def test_refinement_reads_the_previous_cuboids(volume: Tensor) -> None:
-    network = build().eval()
-    feature = network.encode(volume)
+@INPUTS
+def test_refinement_reads_the_previous_cuboids(refine_input: str, volume: Tensor) -> None:
+    network = build(refine_input).eval()
+    context = network.encode(volume)
     first = network.initial(volume)
     other = first.clone()
     other[..., 7:] += 0.3
-    change = network.refine(feature, first) - first
-    assert not torch.allclose(change, network.refine(feature, other) - other, atol=1e-6)
+    change = network.refine(context, first) - first
+    assert not torch.allclose(change, network.refine(context, other) - other, atol=1e-6)
+
+
+def test_probing_cuboids_share_one_decoder_but_for_their_code(volume: Tensor) -> None:
+    network = build("probes").eval()
+    context, first = network.encode(volume), network.initial(volume)
+    order = [2, 0, 1]
+    change = network.refine(context, first)
+    np.testing.assert_allclose(
+        network.refine(context, first[:, order]).detach(), change[:, order].detach(), atol=1e-6
+    )
+    with torch.no_grad():
+        network.refine_decoder.code[0] = 1.0
+    coded = network.refine(context, first)
+    assert not torch.equal(coded[:, 0], change[:, 0])
+    assert torch.equal(coded[:, 1:], change[:, 1:])
 
 
 def test_volume_input_goes_through_the_shared_encoder(volume: Tensor) -> None:
-    network = build(SMALL.model_copy(update={"refine_input": "volume"})).eval()
+    network = build("volume").eval()
     seen: list[Tensor] = []
     network.refine_encoder.register_forward_hook(lambda _, inputs, __: seen.append(inputs[0]))
     steps = network(volume, 2)
@@ -101,9 +127,9 @@ def test_inherited_encoder_gives_the_same_feature(volume: Tensor) -> None:
     network = build()
     network.initial_encoder(volume)  # moves the batch statistics
     network.eval()
-    assert not torch.allclose(network.encode(volume), network.initial_encoder(volume))
+    assert not torch.allclose(network.encode(volume).feature, network.initial_encoder(volume))
     network.inherit_encoder()
-    assert torch.equal(network.encode(volume), network.initial_encoder(volume))
+    assert torch.equal(network.encode(volume).feature, network.initial_encoder(volume))
 
 
 def test_pooling_before_the_rectifier_is_the_same_function(volume: Tensor) -> None:
