@@ -17,7 +17,7 @@ LOCAL_OBJECT_STORE = 256 * 2**20
 
 
 @contextmanager
-def ray_session(address: str | None, run: Path) -> Iterator[None]:
+def ray_session(address: str | None, run: Path) -> Iterator[bool]:
     """An initialised Ray while the body runs; one that is there already is left running.
 
     Parameters
@@ -26,6 +26,10 @@ def ray_session(address: str | None, run: Path) -> Iterator[None]:
         A cluster's address, `auto`, or None: the one of RAY_ADDRESS, else a local Ray.
     run
         The run folder; every node must see it.
+
+    Yields
+    ------
+    Whether this Ray was started here, and ends with the body.
 
     Raises
     ------
@@ -44,7 +48,7 @@ def ray_session(address: str | None, run: Path) -> Iterator[None]:
     import ray
 
     if ray.is_initialized():
-        yield
+        yield False
         return
     local = {"include_dashboard": False, "object_store_memory": LOCAL_OBJECT_STORE}
     options: dict[str, Any] = local if address is None else {"address": address}
@@ -55,7 +59,7 @@ def ray_session(address: str | None, run: Path) -> Iterator[None]:
     try:
         if address is not None:
             _check_shared(run)
-        yield
+        yield address is None
     finally:
         ray.shutdown()
 

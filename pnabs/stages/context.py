@@ -40,6 +40,8 @@ class Context:
         The signal that asked the run to stop, or None.
     start_ray
         Starts or joins Ray, once; called by what needs it.
+    owns_ray
+        Whether Ray was started here and ends with the run.
     problems
         What went wrong without stopping the run, to be told at its end.
     """
@@ -54,6 +56,7 @@ class Context:
     max_failed: float
     interrupted: Callable[[], int | None]
     start_ray: Callable[[], None] = lambda: None
+    owns_ray: Callable[[], bool] = lambda: False
     problems: list[str] = field(default_factory=list)
 
     def home(self, stage: str, variant: str) -> Variant:

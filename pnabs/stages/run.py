@@ -137,9 +137,8 @@ def open_run(
         from pnabs.stages.cluster import ray_session
 
         reporter.say("starting Ray ..." if options.address is None else "joining Ray ...")
-        stack.enter_context(ray_session(options.address, run.root))
+        started.append(stack.enter_context(ray_session(options.address, run.root)))
         interrupts.install()
-        started.append(True)
 
     runtime = settings.runtime
     limits = WorkerLimits(runtime.deadline, runtime.memory)
@@ -162,6 +161,7 @@ def open_run(
         max_failed=allowed,
         interrupted=interrupts,
         start_ray=start_ray,
+        owns_ray=lambda: any(started),
     )
 
 

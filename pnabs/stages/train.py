@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,8 @@ CURVES = "curves.json"
 RECORD = "record.json"
 PHASES = ("initial", "refinement")
 POLL_SECONDS = 0.3
+CANCEL_SECONDS = 20.0
+"""How long an interrupted run waits for Ray Train to end its workers on a Ray that stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,75 +155,79 @@ def run(context: Context, variant: str, module: str) -> None:
     InterruptedRunError
         When the run was asked to stop; training goes on from its last checkpoint.
     """
-    for plan in phase_plans(context, variant, module):
-        if not is_done(plan):
-            _train(context, plan)
+    todo = [plan for plan in phase_plans(context, variant, module) if not is_done(plan)]
+    if not todo:
+        return
+    context.start_ray()
+    for plan in todo:
+        _train(context, plan)
 
 
 def _train(context: Context, plan: PhasePlan) -> None:
+    import ray
+    from ray.exceptions import RayError
+
     if not plan.models.count:
         what = "shape" if plan.module == "positive" else "shape with a difference volume"
         raise RunError(
             f"train-{plan.module}: there is no {what} in the training split; "
             "check dataset.split, or give trained weights with `weights:`"
         )
-    context.start_ray()
     plan.folder.mkdir(parents=True, exist_ok=True)
     epochs = plan.job.training.epochs
     context.events("phase-start", stage=f"train-{plan.module}", phase=plan.name)
-    outcome: list[BaseException | None] = []
-    thread = threading.Thread(target=_fit, args=(plan, outcome), daemon=True)
-    thread.start()
+    # A task of its own keeps the driver light, and can be cancelled: Ray Train then ends its
+    # workers and gives back their CPUs, which killing it would not.
+    fitting = ray.remote(num_cpus=0, max_retries=0)(_fit).remote(plan)
     with context.reporter.track(f"train {plan.name}", epochs, "epochs") as tracker:
-        while thread.is_alive():
-            thread.join(POLL_SECONDS)
+        while not ray.wait([fitting], timeout=POLL_SECONDS)[0]:
             last = _last_epoch(plan)
             if last is not None:
                 tracker.update(last["epoch"] + 1, f"loss={last['total']:.5f}")
             signal_number = context.interrupted()
             if signal_number is not None:
+                ray.cancel(fitting, force=False, recursive=False)
+                ray.wait([fitting], timeout=0 if context.owns_ray() else CANCEL_SECONDS)
                 raise InterruptedRunError(
                     f"stopped in phase {plan.name}; it goes on from its last checkpoint",
                     128 + signal_number,
                 )
-        if outcome[0] is None:
-            tracker.update(epochs)
-    if outcome[0] is not None:
-        raise RunError(f"training {plan.name} failed: {outcome[0]}") from outcome[0]
+        try:
+            ray.get(fitting)
+        except RayError as error:
+            raise RunError(f"training {plan.name} failed: {error}") from error
+        tracker.update(epochs)
     _finish(plan)
     context.events("phase-end", stage=f"train-{plan.module}", phase=plan.name)
 
 
-def _fit(plan: PhasePlan, outcome: list[BaseException | None]) -> None:
+def _fit(plan: PhasePlan) -> None:
     import ray
     from ray.train import CheckpointConfig, FailureConfig, RunConfig, ScalingConfig
     from ray.train.torch import TorchConfig, TorchTrainer
 
-    runtime = plan.job.runtime
+    runtime, workers = plan.job.runtime, plan.job.training.workers
     available: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
     gpu = runtime.device == "cuda" or (
-        runtime.device == "auto" and available.get("GPU", 0) >= plan.job.training.workers
+        runtime.device == "auto" and available.get("GPU", 0) >= workers
     )
-    try:
-        TorchTrainer(
-            _train_loop,
-            train_loop_config={"plan": plan, "gpu": gpu},
-            scaling_config=ScalingConfig(
-                num_workers=plan.job.training.workers,
-                use_gpu=gpu,
-                resources_per_worker={"CPU": runtime.threads, **({"GPU": 1} if gpu else {})},
-            ),
-            torch_config=TorchConfig(backend="nccl" if gpu else "gloo"),
-            run_config=RunConfig(
-                name=plan.fingerprint,
-                storage_path=str(plan.home.checkpoints(plan.name)),
-                failure_config=FailureConfig(max_failures=2),
-                checkpoint_config=CheckpointConfig(num_to_keep=2),
-            ),
-        ).fit()
-        outcome.append(None)
-    except BaseException as error:
-        outcome.append(error)
+    resources: dict[str, float] = {"CPU": runtime.threads}
+    if gpu:
+        resources["GPU"] = 1
+    TorchTrainer(
+        _train_loop,
+        train_loop_config={"plan": plan, "gpu": gpu},
+        scaling_config=ScalingConfig(
+            num_workers=workers, use_gpu=gpu, resources_per_worker=resources
+        ),
+        torch_config=TorchConfig(backend="nccl" if gpu else "gloo"),
+        run_config=RunConfig(
+            name=plan.fingerprint,
+            storage_path=str(plan.home.checkpoints(plan.name)),
+            failure_config=FailureConfig(max_failures=2),
+            checkpoint_config=CheckpointConfig(num_to_keep=2),
+        ),
+    ).fit()
 
 
 def _finish(plan: PhasePlan) -> None:

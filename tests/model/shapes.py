@@ -36,14 +36,10 @@ def matrix(cuboid: np.ndarray) -> np.ndarray:
 
 
 def box_sdf(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Signed distance to an axis-aligned box, one point at a time over its three slabs."""
-    out = np.empty(len(points))
-    for i, p in enumerate(points):
-        gaps = [max(lo - x, x - hi) for x, lo, hi in zip(p, low, high, strict=True)]
-        out[i] = (
-            max(gaps) if max(gaps) < 0 else float(np.sqrt(sum(max(gap, 0.0) ** 2 for gap in gaps)))
-        )
-    return out
+    """Signed distance to an axis-aligned box, from its three slabs."""
+    gaps = np.maximum(low - points, points - high)
+    outside = np.sqrt((gaps.clip(0) ** 2).sum(axis=1))
+    return np.where((gaps < 0).all(axis=1), gaps.max(axis=1), outside)
 
 
 def boxes_sdf(points: np.ndarray, boxes: tuple) -> np.ndarray:

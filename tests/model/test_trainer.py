@@ -114,7 +114,7 @@ def test_divergence_is_reported(five: TrainingSet) -> None:
 def test_overfits_one_chair(chair: TrainingSet) -> None:
     """Both phases on one shape of four boxes: the losses fall and the volumes nearly agree."""
     training = settings.Training(
-        epochs=10,
+        epochs=7,
         batch_size=4,
         learning_rate=0.005,
         shape_samples=100,
@@ -125,7 +125,7 @@ def test_overfits_one_chair(chair: TrainingSet) -> None:
     start = start_points(chair.mean_occupancy(), 4)
     network = CuboidNetwork(4, NETWORK, start, torch.Generator().manual_seed(0))
     solid = np.unpackbits(chair.occupancy[0]).astype(bool)
-    rows = np.zeros(80, dtype=np.int64)
+    rows = np.zeros(40, dtype=np.int64)
     ious = []
     for phase in ("initial", "refinement"):
         if phase == "refinement":
@@ -148,5 +148,5 @@ def test_overfits_one_chair(chair: TrainingSet) -> None:
             axis=0,
         )
         ious.append((inside & solid).sum() / (inside | solid).sum())
-    assert ious[0] > 0.7
-    assert ious[1] > 0.8
+    assert ious[0] > 0.8
+    assert ious[1] > 0.9
