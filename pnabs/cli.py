@@ -164,6 +164,26 @@ def status(run: Path, as_json: bool) -> None:
 
 @main.command()
 @run_argument
+def verify(run: Path) -> None:
+    """Read everything in RUN back; what is damaged is redone by the next run."""
+    from pnabs.stages.progress import Reporter
+    from pnabs.stages.run import held
+    from pnabs.stages.status import stored_context
+    from pnabs.stages.verify import verify as read_back
+    from pnabs.store.run import RunFolder
+
+    with _errors():
+        context = stored_context(RunFolder(run), Reporter())
+        with held(run):
+            damaged = read_back(context)
+    for line in damaged:
+        click.echo(line)
+    if damaged:
+        _fail("damage found; the next `pnabs run` does what it touches again", 5)
+
+
+@main.command()
+@run_argument
 def report(run: Path) -> None:
     """Tables and page of RUN again, from what is stored."""
     from pnabs.stages import report as stage
@@ -190,10 +210,12 @@ def samples(directory: Path, seed: int, per_category: int, categories: tuple[str
     """Write the embedded sample collection to DIRECTORY, in ShapeNetCore.v2's layout."""
     from pnabs.dataset.samples import write_collection
 
-    with _errors():
+    try:
         paths = write_collection(
             directory, seed=seed, per_category=per_category, categories=categories or None
         )
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--category") from None
     click.echo(f"{len(paths)} models in {directory}", err=True)
 
 

@@ -6,13 +6,57 @@ model's results and stay out of every fingerprint.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    PositiveInt,
+)
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Layout = Literal["shapenet-v1", "shapenet-v2", "folder"]
+
+_S3_URL = re.compile(r"s3://([A-Za-z0-9][A-Za-z0-9._-]{1,61}[A-Za-z0-9])(?:/(.*?)/?)?")
+# pathlib makes one slash of two.
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
+
+
+def split_s3_url(url: str) -> tuple[str, str]:
+    """Bucket and prefix of `s3://bucket/prefix`, the prefix without a closing slash.
+
+    Raises
+    ------
+    ValueError
+        If it isn't such a URL, or its prefix isn't a plain path.
+    """
+    match = _S3_URL.fullmatch(url)
+    prefix = (match[2] or "") if match else ""
+    plain = not re.search(r"[\x00-\x1f\x7f\\]|(^|/)\.{0,2}(/|$)", prefix) or not prefix
+    if match is None or not plain:
+        raise ValueError(f"{url!r} is not of the form s3://bucket/prefix")
+    return match[1], prefix
+
+
+def _root(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    if not _URL.match(value):
+        return Path(value)
+    split_s3_url(value)
+    return value
+
+
+def _on_disk(value: object) -> object:
+    if _URL.match(str(value)):
+        raise ValueError("must be a folder on a file system that all workers share, not a URL")
+    return value
 
 
 class Group(BaseModel):
@@ -24,8 +68,9 @@ class Group(BaseModel):
 class Dataset(Group):
     """Where the meshes come from."""
 
-    root: Path
-    """Folder of the collection, or one zip file; relative paths count from where pnabs is run."""
+    root: Annotated[Path | str, BeforeValidator(_root)]
+    """Folder of the collection, or one zip file; relative paths count from where pnabs is run.
+    Either may lie in a bucket: `s3://bucket/prefix` (needs pnabs[s3])."""
     layout: Layout = "shapenet-v2"
     """How models lie below `root`."""
     categories: tuple[str, ...] | None = None
@@ -93,8 +138,9 @@ class Network(Group):
     start: Literal["octants", "farthest"] = "farthest"
     """Where cuboids start: octant centres (eight only), or farthest points of the training
     shapes' mean occupancy."""
-    refine_input: Literal["vector", "volume"] = "vector"
-    """Refinement reads the previous cuboids as numbers, or also as a volume through the encoder."""
+    refine_input: Literal["vector", "volume", "probes"] = "probes"
+    """Refinement reads the previous cuboids as numbers (`vector`, the paper), also as a volume
+    through the encoder (`volume`), or each cuboid reads the input volume around itself (`probes`)."""
 
 
 class LossWeights(Group):
@@ -222,7 +268,7 @@ class Settings(Group):
     """A job: one dataset, one run folder, and everything between."""
 
     dataset: Dataset
-    out: Path
+    out: Annotated[Path, BeforeValidator(_on_disk)]
     """The run folder."""
     seed: int = Field(default=0, ge=0, lt=2**32)
     """All random numbers come from it and the models' ids."""
@@ -237,5 +283,5 @@ class Settings(Group):
     abstract: Abstract = Abstract()
     runtime: Runtime = Runtime()
     report: Report = Report()
-    variants: dict[str, dict[str, Any]] = {"main": {}}  # noqa: RUF012 (pydantic copies defaults)
+    variants: dict[str, dict[str, Any]] = {"main": {}}
     """Named sets of dotted keys that replace settings for everything from training on."""

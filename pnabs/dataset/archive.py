@@ -6,7 +6,9 @@ import stat
 import struct
 import zipfile
 import zlib
+from collections.abc import Iterable
 from functools import cached_property, lru_cache
+from typing import BinaryIO, Protocol
 
 from pnabs.dataset.errors import SourceError
 from pnabs.dataset.names import path_parts
@@ -29,36 +31,19 @@ _CHUNK = 2**20
 class Archive:
     """An open archive."""
 
-    def __init__(self, path: str, mtime_ns: int) -> None:
-        self.zip = zipfile.ZipFile(path)
+    def __init__(self, file: str | BinaryIO, mtime_ns: int) -> None:
+        self.zip = zipfile.ZipFile(file)
         self.mtime_ns = mtime_ns
 
     @cached_property
     def folders(self) -> dict[str, dict[str, bool]]:
-        """The members as a tree: folder -> name -> whether a folder.
-
-        Names are taken as they stand, `..` included, so that a hostile member is seen where it
-        pretends to lie; it is refused when it is asked for.  Absolute names lie nowhere in it.
-        """
-        folders: dict[str, dict[str, bool]] = {"": {}}
-        for member in self.zip.namelist():
-            if len(member) > _LONGEST_MEMBER:
-                raise SourceError(
-                    f"{self.zip.filename}: a member's path has over {_LONGEST_MEMBER} characters"
-                )
-            name, is_folder = member.rstrip("/"), member.endswith("/")
-            if not name or name.startswith("/"):
-                continue
-            if is_folder:
-                folders.setdefault(name, {})
-            while name:
-                parent, _, last = name.rpartition("/")
-                known = parent in folders
-                folders.setdefault(parent, {}).setdefault(last, is_folder)
-                if known:
-                    break
-                name, is_folder = parent, True
-        return folders
+        """The members as a tree."""
+        members = self.zip.namelist()
+        if any(len(member) > _LONGEST_MEMBER for member in members):
+            raise SourceError(
+                f"{self.zip.filename}: a member's path has over {_LONGEST_MEMBER} characters"
+            )
+        return folder_tree(members)
 
     def member(self, name: str, source: str) -> zipfile.ZipInfo:
         """A member that is safe to read, as far as the archive's directory tells."""
@@ -95,13 +80,53 @@ class Archive:
         return b"".join(parts)
 
 
+def folder_tree(paths: Iterable[str]) -> dict[str, dict[str, bool]]:
+    """Paths as a tree: folder -> name -> whether a folder.
+
+    Names are taken as they stand, `..` included, so that a hostile one is seen where it pretends
+    to lie; it is refused when it is asked for.  Absolute paths lie nowhere in it.  What is both
+    a file and a folder is taken for a folder.
+
+    Parameters
+    ----------
+    paths : iterable of str
+        Posix; those of folders end in a slash.
+    """
+    folders: dict[str, dict[str, bool]] = {"": {}}
+    for path in paths:
+        name, is_folder = path.rstrip("/"), path.endswith("/")
+        if not name or name.startswith("/"):
+            continue
+        if is_folder:
+            folders.setdefault(name, {})
+        while name:
+            parent, _, last = name.rpartition("/")
+            known = parent in folders
+            names = folders.setdefault(parent, {})
+            names[last] = is_folder or names.get(last, False)
+            if known:
+                break
+            name, is_folder = parent, True
+    return folders
+
+
+class Openable(Protocol):
+    """A file that isn't on a disk; equal to another only if that is the same."""
+
+    def open(self) -> BinaryIO:
+        """Open for reading, anywhere in it."""
+
+    def __hash__(self) -> int: ...
+
+
 @lru_cache(maxsize=8)
-def open_archive(path: str, identity: tuple[int, ...], pid: int) -> Archive:
+def open_archive(file: str | Openable, identity: tuple[int, ...], pid: int) -> Archive:
     """Open an archive, or take it from the cache of this process.
 
     Parameters
     ----------
-    path : str
+    file : str or Openable
+        Path, or a file elsewhere.
     identity : tuple of int
         What changes when the file does; its modification time in ns comes last.
     pid : int
@@ -113,6 +138,6 @@ def open_archive(path: str, identity: tuple[int, ...], pid: int) -> Archive:
         If it is no zip file.
     """
     try:
-        return Archive(path, identity[-1])
+        return Archive(file if isinstance(file, str) else file.open(), identity[-1])
     except _BROKEN as error:
-        raise SourceError(f"{path}: not a readable zip file ({error})") from error
+        raise SourceError(f"{file}: not a readable zip file ({error})") from error

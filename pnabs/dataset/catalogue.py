@@ -67,7 +67,7 @@ def scan(job: settings.Dataset, base: Path) -> pa.Table:
         If the root, a category or the split isn't there or can't be used, or no model has a
         readable mesh.
     """
-    dataset = Dataset(base / job.root)
+    dataset = Dataset(job.root if isinstance(job.root, str) else base / job.root)
     layout = LAYOUTS[job.layout]
     split_of = _Splits(job, base)
     try:
@@ -219,7 +219,9 @@ def _scan_category(
     split_of: _Splits,
     job: settings.Dataset,
 ) -> pa.Table:
-    models = layout.models(dataset, enter(dataset, place, category))
+    place = enter(dataset, place, category)
+    dataset.preload(place)
+    models = layout.models(dataset, place)
     found = _unique(sorted(_named(model.model_id, model.source) for model in models))[: job.limit]
     sizes, times, reasons = array("q"), array("q"), []
     for _, source, reason in found:

@@ -6,76 +6,60 @@ A *source* is a string: a posix path relative to the dataset's root
 file, just `!member`.  A *place* is such a string for a folder: empty, or ending
 in `/` or `!`, so that a place and a name make a source.
 
-Nothing outside the root is read: links are followed only where they stay
-inside, `..` and absolute paths are refused, and only regular files are opened.
+The root is a folder, a zip file, or either in a bucket (`s3://bucket/prefix`).
+Nothing outside it is read: links are followed only where they stay inside,
+`..` and absolute paths are refused, and only regular files are opened.
 """
 
 from __future__ import annotations
 
-import errno
 import os
 import posixpath
 import re
-import stat
-import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Callable
 from urllib.parse import unquote
 
-from pnabs.dataset.archive import Archive, open_archive
-from pnabs.dataset.errors import DatasetError, SourceError
-from pnabs.dataset.names import path_parts
+from pnabs.dataset.archive import Archive
+from pnabs.dataset.errors import SourceError
+from pnabs.dataset.local import LocalStorage
+from pnabs.dataset.s3 import S3Storage
+from pnabs.dataset.storage import Entry, Root, Storage, check_size
+
+__all__ = ["Dataset", "Entry"]
 
 _IN_ARCHIVE = re.compile(r"(?P<archive>|.*?\.zip)!(?P<member>.*)", re.IGNORECASE | re.DOTALL)
-_FINDINGS = {
-    errno.ENOENT: "no such file",
-    errno.ENOTDIR: "no such file",
-    errno.EISDIR: "is a folder",
-    errno.EACCES: "no permission to read it",
-    errno.EPERM: "no permission to read it",
-    errno.ELOOP: "is a link that leads nowhere",
-    errno.ENAMETOOLONG: "its name is too long",
-}
-
-
-class Entry(NamedTuple):
-    """One name in a place."""
-
-    name: str
-    is_folder: bool
-    """For a link, whether it leads to a folder."""
-    is_link: bool
 
 
 class Dataset:
-    """A folder of meshes or one zip file, read in place.
+    """A folder of meshes or one zip file, on a disk or in a bucket, read in place.
 
     Instances are cheap and can be pickled; archives stay open in a cache of the
-    process.
+    process.  What an instance has seen of a bucket's archives it doesn't look at again.
 
     Parameters
     ----------
-    root : path
-        Folder, or zip file.
+    root : path or str
+        Folder, zip file, or `s3://bucket/prefix`.
 
     Raises
     ------
     DatasetError
-        If there is no such folder or zip file.
+        If there is no such folder, zip file, bucket or prefix, or it can't be reached.
     """
 
     def __init__(self, root: str | os.PathLike[str]) -> None:
-        try:
-            self.root = Path(root).resolve(strict=True)
-        except (OSError, RuntimeError) as error:
-            raise DatasetError(f"dataset.root: there is no {os.fspath(root)}") from error
-        self.is_archive = self.root.is_file()
-        if self.is_archive and not zipfile.is_zipfile(self.root):
-            raise DatasetError(f"dataset.root: {self.root} is neither a folder nor a zip file")
-        if not self.is_archive and not self.root.is_dir():
-            raise DatasetError(f"dataset.root: {self.root} is neither a folder nor a zip file")
+        remote = isinstance(root, str) and root.startswith("s3://")
+        self._storage: Storage = S3Storage(str(root)) if remote else LocalStorage(root)
+
+    @property
+    def root(self) -> Root:
+        """The root, made absolute."""
+        return self._storage.root
+
+    @property
+    def is_archive(self) -> bool:
+        """Whether the root is a zip file."""
+        return self._storage.is_archive
 
     @property
     def top(self) -> str:
@@ -101,9 +85,9 @@ class Dataset:
         """
         archive, member = self._split(source)
         if archive is None:
-            return self._read_file(source, max_bytes)
+            return self._storage.read(source, max_bytes)
         info = archive.member(member, source)
-        _check_size(source, info.file_size, max_bytes)
+        check_size(source, info.file_size, max_bytes)
         return archive.read(info, source)
 
     def stat(self, source: str) -> tuple[int, int]:
@@ -116,9 +100,8 @@ class Dataset:
         """
         archive, member = self._split(source)
         if archive is None:
-            _, status = self._locate(source)
-            _check_regular(source, status)
-            return status.st_size, status.st_mtime_ns
+            size, mtime_ns = self._storage.status(source)
+            return size, mtime_ns
         return archive.member(member, source).file_size, archive.mtime_ns
 
     def sibling_reader(self, source: str, max_bytes: int) -> Callable[[str], bytes]:
@@ -169,13 +152,26 @@ class Dataset:
         """
         archive, member = self._split(place)
         if archive is not None:
-            folder = archive.folders.get(member.rstrip("/"))
+            folder = archive.folders.get(member.removesuffix("/"))
             if folder is None:
                 raise SourceError(f"{place}: no such folder in the archive")
             return [Entry(name, is_folder, False) for name, is_folder in folder.items()]
-        path, _ = self._locate(place.rstrip("/"))
-        with _findings(place), os.scandir(path) as entries:
-            return [_entry(entry) for entry in entries]
+        return self._storage.list(place.removesuffix("/"))
+
+    def preload(self, place: str) -> None:
+        """Say that everything below a place is going to be listed and looked at.
+
+        A bucket is then asked for it in bulk, and what it says stays with this instance until
+        another place is preloaded.
+
+        Raises
+        ------
+        SourceError
+            If there is no such place inside the root.
+        """
+        archive, _ = self._split(place)
+        if archive is None:
+            self._storage.preload(place.removesuffix("/"))
 
     def _split(self, source: str) -> tuple[Archive | None, str]:
         match = _IN_ARCHIVE.fullmatch(source)
@@ -185,68 +181,4 @@ class Dataset:
             return None, source
         if (match["archive"] == "") != self.is_archive:
             raise SourceError(f"{source}: not a source of the dataset at {self.root}")
-        path, status = self._locate(match["archive"])
-        _check_regular(source, status)
-        identity = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-        return open_archive(path, identity, os.getpid()), match["member"]
-
-    def _locate(self, path: str) -> tuple[str, os.stat_result]:
-        """Real path and status of a path relative to the root, which it never leaves."""
-        current = os.fspath(self.root)
-        with _findings(path):
-            status = os.lstat(current)
-            for part in path_parts(path):
-                current = os.path.join(current, part)
-                status = os.lstat(current)
-                if stat.S_ISLNK(status.st_mode):
-                    return self._follow(path)
-        return current, status
-
-    def _follow(self, path: str) -> tuple[str, os.stat_result]:
-        real = os.path.realpath(os.path.join(self.root, path), strict=True)
-        if not Path(real).is_relative_to(self.root):
-            raise SourceError(f"{path}: a link leads out of the dataset's root")
-        return real, os.lstat(real)
-
-    def _read_file(self, source: str, max_bytes: int) -> bytes:
-        path, status = self._locate(source)
-        _check_regular(source, status)
-        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-        with _findings(source), open(os.open(path, flags), "rb") as file:
-            # Looked at again: what was checked by name may have been replaced since.
-            status = os.fstat(file.fileno())
-            _check_regular(source, status)
-            _check_size(source, status.st_size, max_bytes)
-            return file.read(status.st_size)
-
-
-def _check_regular(source: str, status: os.stat_result) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        raise SourceError(f"{source}: not a regular file")
-
-
-def _check_size(source: str, size: int, max_bytes: int) -> None:
-    if size > max_bytes:
-        raise SourceError(
-            f"{source}: {size:,} bytes, over the limit of {max_bytes:,} (ingest.limits.max_bytes)"
-        )
-
-
-@contextmanager
-def _findings(path: str) -> Iterator[None]:
-    """Turn errors that are a verdict on the path into one; others may pass and stay."""
-    try:
-        yield
-    except OSError as error:
-        reason = _FINDINGS.get(error.errno or 0)
-        if reason is None:
-            raise
-        raise SourceError(f"{path}: {reason}") from error
-
-
-def _entry(entry: os.DirEntry[str]) -> Entry:
-    try:
-        is_folder = entry.is_dir()
-    except OSError:
-        is_folder = False
-    return Entry(entry.name, is_folder, entry.is_symlink())
+        return self._storage.archive(match["archive"]), match["member"]

@@ -63,10 +63,13 @@ def transform(cuboids: Tensor, unit: Tensor) -> Tensor:
     -------
     (B, N, K, 3)
     """
-    scale, _, translation = split(cuboids)
+    return place(cuboids, cuboids[..., None, :3] * unit)
+
+
+def place(cuboids: Tensor, local: Tensor) -> Tensor:
+    """Points (B, N, K, 3) of each cuboid's own frame, lengths kept, in the normalised frame."""
     rotation = rotation_matrices(cuboids)
-    scaled = scale.unsqueeze(-2) * unit
-    return scaled @ rotation.transpose(-1, -2) + translation.unsqueeze(-2)
+    return local @ rotation.transpose(-1, -2) + cuboids[..., None, 7:]
 
 
 def sample_volume(cuboids: Tensor, count: int, generator: torch.Generator) -> Tensor:

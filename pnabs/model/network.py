@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from pnabs import settings
 from pnabs.model import cuboids as geometry
+from pnabs.model.probes import PROBES, probe, pyramid
 
 SLOPE = 0.2
 """Of the leaky rectifiers."""
@@ -68,6 +69,58 @@ class Decoder(nn.Module):
         )
 
 
+class ProbeDecoder(nn.Module):
+    """One decoder for all cuboids: global feature, own numbers and probes to a residual.
+
+    Parameters
+    ----------
+    width : int
+        Of the global feature.
+    hidden : int
+    count : int
+        Cuboids; each has a learnt code of its own, by which they share out the work.
+    """
+
+    def __init__(self, width: int, hidden: int, count: int) -> None:
+        super().__init__()
+        self.shape = nn.Linear(width, hidden)
+        self.own = nn.Linear(geometry.PARAMETERS + PROBES, hidden)
+        self.code = nn.Parameter(torch.zeros(count, hidden))
+        self.trunk = nn.Sequential(
+            nn.LeakyReLU(SLOPE),
+            nn.Linear(hidden, hidden),
+            nn.LeakyReLU(SLOPE),
+        )
+        self.scale = nn.Linear(hidden, 3)
+        self.rotation = nn.Linear(hidden, 4)
+        self.translation = nn.Linear(hidden, 3)
+
+    def forward(
+        self, feature: Tensor, previous: Tensor, seen: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Raw numbers (B, N, 3), (B, N, 4), (B, N, 3); the translation in the cuboid's own frame.
+
+        From the feature (B, width), the cuboids (B, N, 10) and their probes (B, N, PROBES).
+        """
+        own = self.own(torch.cat([previous, seen], dim=-1))
+        hidden = self.trunk(self.shape(feature).unsqueeze(1) + own + self.code)
+        return self.scale(hidden), self.rotation(hidden), self.translation(hidden)
+
+
+class Context(NamedTuple):
+    """What refinement knows of its input.
+
+    Attributes
+    ----------
+    feature : (B, F)
+    volumes : (B, 2, 32, 32, 32)
+        The input and its blurred copy; read only where `refine_input` is `probes`.
+    """
+
+    feature: Tensor
+    volumes: Tensor
+
+
 class CuboidNetwork(nn.Module):
     """Voxels to N cuboids, then refined iteratively; positive and negative module alike.
 
@@ -104,10 +157,13 @@ class CuboidNetwork(nn.Module):
         self.initial_encoder = encoder(options.channels)
         self.initial_decoder = Decoder(feature, options.hidden, count)
         self.refine_encoder = encoder(options.channels)
-        volumes = 2 if options.refine_input == "volume" else 1
-        self.refine_decoder = Decoder(
-            volumes * feature + geometry.PARAMETERS * count, options.hidden, count
-        )
+        self.refine_decoder: Decoder | ProbeDecoder
+        if options.refine_input == "probes":
+            self.refine_decoder = ProbeDecoder(feature, options.hidden, count)
+        else:
+            features = 2 if options.refine_input == "volume" else 1
+            width = features * feature + geometry.PARAMETERS * count
+            self.refine_decoder = Decoder(width, options.hidden, count)
         self._draw_weights(generator or torch.Generator().manual_seed(0))
 
     def _draw_weights(self, generator: torch.Generator) -> None:
@@ -148,16 +204,16 @@ class CuboidNetwork(nn.Module):
         translation = REACH * torch.tanh(translation + anchor)
         return torch.cat([scale, rotation, translation], dim=-1)
 
-    def encode(self, volume: Tensor) -> Tensor:
-        """The refinement stage's feature of the input volume (B, 1, 32, 32, 32): (B, F)."""
-        return cast(Tensor, self.refine_encoder(volume))
+    def encode(self, volume: Tensor) -> Context:
+        """What all iterations share, from the input volume (B, 1, 32, 32, 32)."""
+        return Context(self.refine_encoder(volume), pyramid(volume))
 
-    def refine(self, feature: Tensor, previous: Tensor) -> Tensor:
-        """One iteration: a residual from the feature and the previous cuboids, added to them.
+    def refine(self, context: Context, previous: Tensor) -> Tensor:
+        """One iteration: a residual from the input and the previous cuboids, added to them.
 
         Parameters
         ----------
-        feature : (B, F)
+        context : Context
             Of the input volume, from `encode`.
         previous : (B, N, 10)
 
@@ -166,12 +222,11 @@ class CuboidNetwork(nn.Module):
         (B, N, 10)
             Sides non-negative, quaternions unit.
         """
-        inputs = [feature, previous.flatten(1)]
-        if self.options.refine_input == "volume":
-            inputs.append(self.encode(geometry.coverage(previous)))
-        scale, rotation, translation = (
-            REACH * torch.tanh(raw) for raw in self.refine_decoder(torch.cat(inputs, dim=1))
-        )
+        raw = self._residual(context, previous)
+        scale, rotation, translation = (REACH * torch.tanh(part) for part in raw)
+        if self.options.refine_input == "probes":
+            turn = geometry.rotation_matrices(previous)
+            translation = (turn @ translation.unsqueeze(-1)).squeeze(-1)
         before = geometry.split(previous)
         return torch.cat(
             [
@@ -182,11 +237,21 @@ class CuboidNetwork(nn.Module):
             dim=-1,
         )
 
+    def _residual(self, context: Context, previous: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The decoder's raw numbers for scale, rotation and translation."""
+        feature, volumes = context
+        if isinstance(self.refine_decoder, ProbeDecoder):
+            return self.refine_decoder(feature, previous, probe(volumes, previous))  # type: ignore[no-any-return]
+        inputs = [feature, previous.flatten(1)]
+        if self.options.refine_input == "volume":
+            inputs.append(self.refine_encoder(geometry.coverage(previous)))
+        return self.refine_decoder(torch.cat(inputs, dim=1))  # type: ignore[no-any-return]
+
     def forward(self, volume: Tensor, iterations: int) -> tuple[Tensor, ...]:
         """The initial prediction and each refinement of it, iterations + 1 times (B, N, 10)."""
         steps = [self.initial(volume)]
-        feature = self.encode(volume) if iterations else None
-        for _ in range(iterations):
-            assert feature is not None
-            steps.append(self.refine(feature, steps[-1]))
+        if iterations:
+            context = self.encode(volume)
+            for _ in range(iterations):
+                steps.append(self.refine(context, steps[-1]))
         return tuple(steps)

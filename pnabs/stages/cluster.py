@@ -50,8 +50,14 @@ def ray_session(address: str | None, run: Path) -> Iterator[bool]:
     if ray.is_initialized():
         yield False
         return
-    local = {"include_dashboard": False, "object_store_memory": LOCAL_OBJECT_STORE}
-    options: dict[str, Any] = local if address is None else {"address": address}
+    options: dict[str, Any] = {"address": address}
+    if address is None:
+        # `local`: never a cluster that somebody started on this machine for something else.
+        options = {
+            "address": "local",
+            "include_dashboard": False,
+            "object_store_memory": LOCAL_OBJECT_STORE,
+        }
     try:
         ray.init(log_to_driver=False, logging_level=logging.ERROR, **options)
     except ConnectionError as error:

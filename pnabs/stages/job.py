@@ -99,7 +99,7 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         origins[key] = "--set"
     if out is not None:
         tree["out"] = str(out)
-        origins["out"] = "--out"
+        origins["out"] = where["out",] = "--out"
     preset = tree.get("preset", "best")
     if isinstance(preset, str) and preset in PRESETS:
         origins.update(dict.fromkeys(set(_leaves(PRESETS[preset])) - set(origins), "preset"))
@@ -119,7 +119,8 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
 def _absolute(settings: Settings) -> Settings:
     """Workers run elsewhere: paths are made absolute where the job is read."""
     dataset = settings.dataset
-    paths: dict[str, Any] = {"root": dataset.root.absolute()}
+    root = dataset.root
+    paths: dict[str, Any] = {"root": root if isinstance(root, str) else root.absolute()}
     if isinstance(dataset.split, Path):
         paths["split"] = dataset.split.absolute()
     return settings.model_copy(

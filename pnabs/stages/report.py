@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ def run(context: Context, command: str) -> str:
     tables = report.build_tables(rows, rng, names=names, split=split)
     identity = context.run.read_identity() or {}
     data = report.ReportData(
-        title=f"Abstractions of {job.dataset.root.name}",
+        title=f"Abstractions of {PurePosixPath(job.dataset.root).name}",
         tables=tables,
         rows=rows,
         names=names,

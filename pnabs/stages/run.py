@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,10 +94,7 @@ def run_job(
     interrupts = Interrupts()
     with ExitStack() as stack:
         stack.enter_context(interrupts.installed())
-        try:
-            stack.enter_context(run_lock(run.root))
-        except LockedError as error:
-            raise RefusedError(str(error)) from None
+        stack.enter_context(held(run.root))
         context = open_run(job, options, reporter, interrupts, stack, executor)
         try:
             return _do(context, options)
@@ -105,6 +102,23 @@ def run_job(
             raise InterruptedRunError(
                 f"{error}. To go on: {options.command or 'run again'}", error.exit_code
             ) from None
+
+
+@contextmanager
+def held(run: Path) -> Iterator[None]:
+    """Hold the run folder while the body runs.
+
+    Raises
+    ------
+    RefusedError
+        When another driver holds it.
+    """
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(run_lock(run))
+        except LockedError as error:
+            raise RefusedError(str(error)) from None
+        yield
 
 
 def open_run(

@@ -137,12 +137,20 @@ def training_models(context: Context, variant: str, module: str) -> TrainingMode
 
 def is_done(plan: PhasePlan) -> bool:
     """Whether the phase's record is there, with weights as it says."""
+    return (plan.folder / RECORD).exists() and not damaged_files(plan)
+
+
+def damaged_files(plan: PhasePlan) -> list[str]:
+    """Files of a recorded phase that are missing or changed, the record itself included."""
     try:
-        record = json.loads((plan.folder / RECORD).read_bytes())
-        outputs = record["outputs"].items()
-        return all(file_digest(plan.folder / name) == expected for name, expected in outputs)
-    except (OSError, ValueError, KeyError):
-        return False
+        outputs = json.loads((plan.folder / RECORD).read_bytes())["outputs"].items()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return [RECORD]
+    return [
+        name
+        for name, expected in outputs
+        if not (plan.folder / name).is_file() or file_digest(plan.folder / name) != expected
+    ]
 
 
 def run(context: Context, variant: str, module: str) -> None:

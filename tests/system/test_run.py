@@ -11,7 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 import zarr
+from click.testing import CliRunner
+from click.testing import Result as CliResult
 
+from pnabs.cli import main
 from pnabs.formats import from_json
 from pnabs.stages.errors import InterruptedRunError, RefusedError
 from pnabs.stages.interrupts import Interrupts
@@ -157,6 +160,31 @@ def test_a_lost_record_is_one_shard_again(
     assert [event["shard"] for event in events if event["stage"] == "abstract"][-1] == (
         "02828884-00001"
     )
+
+
+def test_verify_names_damage_and_the_next_run_mends_it(
+    finished: tuple[Path, Result], launch: Launcher, tmp_path: Path
+) -> None:
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+    assert invoke(run).exit_code == 0
+    glb = next(run.glob("variants/main/abstractions/*/*/abstraction.glb"))
+    chunk = next((run / "fields.zarr/02828884/sdf/c").rglob("0"))
+    flipped = bytearray(glb.read_bytes())
+    flipped[-3] ^= 1
+    glb.write_bytes(flipped)
+    chunk.unlink()
+    result = invoke(run)
+    assert result.exit_code == 5
+    assert len(result.stdout.splitlines()) == 2
+    assert glb.relative_to(run).as_posix() in result.stdout
+    assert chunk.relative_to(run).as_posix() in result.stdout
+    launch(run)
+    assert tree(run) == tree(finished[0])
+
+
+def invoke(run: Path) -> CliResult:
+    return CliRunner().invoke(main, ["verify", str(run)])
 
 
 def test_changed_settings_are_refused_then_redone(
