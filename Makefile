@@ -12,7 +12,7 @@ DEMO ?= runs/demo
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint types clean
+.PHONY: help setup demo test test-slow lint types docs clean
 
 help: ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -35,12 +35,16 @@ test-slow: $(VENV)/.ready ## the tests that take minutes
 	$(BIN)/pytest -m slow
 
 lint: $(VENV)/.ready ## style and one-way imports
-	$(BIN)/ruff check pnabs tests benchmarks
-	$(BIN)/ruff format --check pnabs tests benchmarks
+	$(BIN)/ruff check pnabs tests docs/reference.py
+	$(BIN)/ruff format --check pnabs tests docs/reference.py
 	$(BIN)/lint-imports
 
 types: $(VENV)/.ready ## static types
 	$(BIN)/mypy
+
+docs: $(VENV)/.ready ## the documentation, into build/docs
+	$(BIN)/pip install --quiet $(if $(INDEX),--extra-index-url $(INDEX)) -c .ci/constraints.txt -e '.[docs]'
+	$(BIN)/mkdocs build --strict --config-file docs/mkdocs.yml
 
 clean: ## the environment and the demo's folder
 	rm -rf $(VENV) $(DEMO)

@@ -140,7 +140,8 @@ class Network(Group):
     shapes' mean occupancy."""
     refine_input: Literal["vector", "volume", "probes"] = "probes"
     """Refinement reads the previous cuboids as numbers (`vector`, the paper), also as a volume
-    through the encoder (`volume`), or each cuboid reads the input volume around itself (`probes`)."""
+    through the encoder (`volume`), or each cuboid reads the input volume around itself
+    (`probes`)."""
 
 
 class LossWeights(Group):

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pnabs.settings import Settings
 
 PAPER: dict[str, Any] = {
-    "network": {"channels": [4, 8, 16, 32, 64], "hidden": 64},
+    "network": {"channels": [4, 8, 16, 32, 64], "hidden": 64, "refine_input": "vector"},
     "training": {
         "schedule": "constant",
         "mirror_augment": False,
