@@ -169,6 +169,7 @@ def verify(run: Path) -> None:
     from pnabs.stages.progress import Reporter
     from pnabs.stages.run import held
     from pnabs.stages.status import stored_context
+    from pnabs.stages.verify import DAMAGE_EXIT_CODE
     from pnabs.stages.verify import verify as read_back
     from pnabs.store.run import RunFolder
 
@@ -179,7 +180,7 @@ def verify(run: Path) -> None:
     for line in damaged:
         click.echo(line)
     if damaged:
-        _fail("damage found; the next `pnabs run` does what it touches again", 5)
+        _fail("damage found; the next `pnabs run` does what it touches again", DAMAGE_EXIT_CODE)
 
 
 @main.command()

@@ -22,7 +22,7 @@ from pnabs.dataset.errors import DatasetError
 
 _CONFIG = {
     "connect_timeout": 5,
-    "read_timeout": 30,
+    "read_timeout": 15,
     "retries": {"mode": "standard", "total_max_attempts": 3},
 }
 _ERRNO = {

@@ -6,6 +6,8 @@ from pnabs.stages.context import Context
 from pnabs.stages.train import RECORD, damaged_files, phase_plans
 from pnabs.store.ledger import LedgerError
 
+DAMAGE_EXIT_CODE = 5
+
 
 def verify(context: Context) -> list[str]:
     """Compare every file with its digest and withdraw the records of those that differ.

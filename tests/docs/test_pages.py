@@ -19,6 +19,7 @@ from pnabs.model.losses import TERMS
 from pnabs.report.tables import Tables
 from pnabs.stages import errors
 from pnabs.stages.job import load_job
+from pnabs.stages.verify import DAMAGE_EXIT_CODE
 from pnabs.store.ledger import ModelVerdict, Record
 from pnabs.store.metrics import SCHEMA
 from pnabs.store.run import RunFolder
@@ -107,6 +108,7 @@ def test_stages_and_exit_codes() -> None:
         assert f"\n| `{stage}` |" in page
     codes = {error.exit_code for error in (errors.RunError, errors.RefusedError)}
     codes |= {errors.TooManyFailedError.exit_code, errors.ShardsFailedError.exit_code, 0, 2}
+    codes.add(DAMAGE_EXIT_CODE)
     assert {int(code) for code in re.findall(r"^\| (\d) \|", page, re.MULTILINE)} == codes
 
 
