@@ -55,7 +55,7 @@ class AbstractWork:
     positive: Path
     negative: Path | None
     provenance: dict[str, Any]
-    preload: tuple[str, ...] = ("pymeshlab", "pnabs.stages.abstract", "pnabs.stages.warm_geometry")
+    preload: tuple[str, ...] = ("pnabs.stages.abstract", "pnabs.stages.warm_abstract")
     _predictor: Predictor | None = field(default=None, repr=False)
 
     @property

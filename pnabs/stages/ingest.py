@@ -62,7 +62,7 @@ class IngestWork:
     """A shard of meshes to a shard of RUN/fields.zarr."""
 
     job: Settings
-    preload: tuple[str, ...] = ("pnabs.stages.ingest", "pnabs.stages.warm_geometry")
+    preload: tuple[str, ...] = ("pnabs.stages.ingest", "pnabs.stages.warm_ingest")
 
     @property
     def task(self) -> IngestTask:

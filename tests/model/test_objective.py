@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -112,3 +114,26 @@ def test_unknown_phase_and_no_loss() -> None:
     none = settings.LossWeights(**dict.fromkeys(settings.LossWeights.model_fields, 0))
     with pytest.raises(ValueError, match="nothing to train"):
         build("positive", "initial", TRAINING.model_copy(update={"losses": none}))
+
+
+@pytest.mark.parametrize("phase", ["initial", "refinement"])
+def test_distributed_wrapper_changes_nothing(
+    phase: Phase, five: TrainingSet, tmp_path: Path
+) -> None:
+    """Two steps: the second fails in DistributedDataParallel if a parameter had no gradient."""
+    store = torch.distributed.FileStore(str(tmp_path / "store"), 1)
+    torch.distributed.init_process_group("gloo", store=store, rank=0, world_size=1)
+    try:
+        plain, inner = build("negative", phase), build("negative", phase)
+        wrapped = torch.nn.parallel.DistributedDataParallel(inner)
+        for _ in range(2):
+            batch = five.batch(np.arange(4), TRAINING, torch.Generator().manual_seed(0))
+            for objective in (plain, wrapped):
+                losses = objective(batch, 0.5, torch.Generator().manual_seed(1))
+                losses["total"].backward()
+        for (name, a), b in zip(plain.named_parameters(), inner.parameters(), strict=True):
+            assert (a.grad is None) == (b.grad is None), name
+            if a.grad is not None:
+                assert torch.equal(a.grad, b.grad), name
+    finally:
+        torch.distributed.destroy_process_group()

@@ -1,4 +1,4 @@
-"""Importing this module makes geometry's compiled kernels ready.
+"""Importing this module makes ingest's compiled kernels ready.
 
 The fork server of a worker's children imports it once, so that no child compiles
 or loads kernels for itself.
