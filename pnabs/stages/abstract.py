@@ -14,10 +14,10 @@ from pnabs.pipeline import Finished, Prediction, Predictor, Shape, finish
 from pnabs.settings import Settings
 from pnabs.stages.context import Context, model_rng, read_shard_rows
 from pnabs.stages.difference import models_of
+from pnabs.stages.phases import weights_path
 from pnabs.stages.plan import fingerprint, recipe_digest
 from pnabs.stages.sharded import ShardPlan, run_sharded
 from pnabs.stages.stored import StoredShard
-from pnabs.stages.train import weights_path
 from pnabs.store.atomic import file_digest, write_atomic
 from pnabs.store.metrics import write_metrics
 from pnabs.store.run import RunFolder, versions

@@ -16,10 +16,10 @@ from pnabs.geometry.types import Cuboids
 from pnabs.pipeline import Predictor, Shape
 from pnabs.settings import Settings
 from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
+from pnabs.stages.phases import weights_path
 from pnabs.stages.plan import fingerprint
 from pnabs.stages.sharded import ShardPlan, run_sharded
 from pnabs.stages.stored import StoredShard
-from pnabs.stages.train import weights_path
 from pnabs.store.atomic import file_digest
 from pnabs.store.ledger import Ledger
 from pnabs.store.run import RunFolder

@@ -21,7 +21,7 @@ from pnabs.geometry.types import Cuboids, Float64, Mesh
 from pnabs.settings import Settings
 from pnabs.stages.context import Context, split_shard
 from pnabs.stages.errors import RunError
-from pnabs.stages.train import CURVES, PHASES, is_done, phase_plans
+from pnabs.stages.phases import CURVES, PHASES, is_done, phase_plans
 from pnabs.store.atomic import write_atomic
 from pnabs.store.events import read_events
 from pnabs.store.metrics import read_metrics

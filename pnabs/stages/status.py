@@ -16,10 +16,10 @@ from pnabs.stages import abstract, difference, ingest
 from pnabs.stages.context import Context
 from pnabs.stages.errors import RunError
 from pnabs.stages.job import Job
+from pnabs.stages.phases import PhasePlan, is_done, phase_plans
 from pnabs.stages.plan import homes
 from pnabs.stages.progress import Reporter
 from pnabs.stages.sharded import ShardPlan
-from pnabs.stages.train import PhasePlan, is_done, phase_plans
 from pnabs.store.events import read_events
 from pnabs.store.run import RunFolder
 

@@ -16,6 +16,8 @@ from pnabs.stages.errors import RunError
 from pnabs.stages.job import Job
 
 POLL_SECONDS = 1.0
+AGENT_SECONDS = 60.0
+"""How long a head that has just come up may take until it takes jobs."""
 
 
 def submit(job: Job, address: str, arguments: Sequence[str], *, wait: bool, log: IO[str]) -> int:
@@ -56,13 +58,20 @@ def submit(job: Job, address: str, arguments: Sequence[str], *, wait: bool, log:
         text = yaml.safe_dump(job.settings.model_dump(mode="json"), sort_keys=False)
         (Path(folder) / "job.yaml").write_text(text)
         command = ["python", "-m", "pnabs.cli", "run", "job.yaml", *arguments]
-        identifier = client.submit_job(
-            entrypoint=shlex.join(command),
-            runtime_env={
-                "working_dir": folder,
-                "py_modules": [str(Path(pnabs.__file__).parent)],
-            },
-        )
+        package = str(Path(pnabs.__file__).parent)
+        deadline = time.monotonic() + AGENT_SECONDS
+        while True:
+            try:
+                identifier = client.submit_job(
+                    entrypoint=shlex.join(command),
+                    runtime_env={"working_dir": folder, "py_modules": [package]},
+                )
+                break
+            except RuntimeError as error:
+                # A head that has just come up has no agent to take jobs yet.
+                if "No available agent" not in str(error) or time.monotonic() > deadline:
+                    raise RunError(f"{address} does not take the job: {error}") from None
+                time.sleep(POLL_SECONDS)
     log.write(f"submitted {identifier} to {address}\n")
     if not wait:
         return 0

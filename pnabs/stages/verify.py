@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pnabs.stages.context import Context
-from pnabs.stages.train import RECORD, damaged_files, phase_plans
+from pnabs.stages.phases import RECORD, damaged_files, phase_plans
 from pnabs.store.ledger import LedgerError
 
 DAMAGE_EXIT_CODE = 5
