@@ -244,6 +244,7 @@ def _errors() -> Iterator[None]:
     from pnabs.dataset.errors import DatasetError
     from pnabs.stages.errors import RunError
     from pnabs.stages.job import JobError
+    from pnabs.store.arrays import DamagedArrayError
     from pnabs.store.ledger import LedgerError
     from pnabs.store.run import RunFolderError
 
@@ -255,6 +256,8 @@ def _errors() -> Iterator[None]:
         _fail(str(error), error.exit_code)
     except (RunFolderError, LedgerError) as error:
         _fail(str(error), 4)
+    except DamagedArrayError as error:
+        _fail(str(error), 5)
 
 
 def _fail(message: str, code: int) -> NoReturn:

@@ -18,6 +18,7 @@ from pydantic import (
     NonNegativeFloat,
     PositiveFloat,
     PositiveInt,
+    field_validator,
 )
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -75,6 +76,12 @@ class Dataset(Group):
     """How models lie below `root`."""
     categories: tuple[str, ...] | None = None
     """Categories to take, by folder name or alias (`chair` = 03001627); all when left out."""
+
+    @field_validator("categories", mode="before")
+    @classmethod
+    def _one_is_a_list_of_one(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
     split: Path | Literal["hash"] = "hash"
     """`hash` (the paper's two thirds train, one third test, by a hash of the id), or a csv
     in the form of ShapeNet's all.csv (columns synsetId, modelId, split)."""
@@ -155,8 +162,8 @@ class LossWeights(Group):
     """Symmetry (Eq. 3), in refinement the conditional form (Eq. 5)."""
     regularisation: NonNegativeFloat = 1.0
     """Excess of one iteration's change (Eqs. 6, 7)."""
-    separation: NonNegativeFloat = 1.0
-    """Negatives apart from the shape's interior (Eq. 9)."""
+    separation: NonNegativeFloat = 10.0
+    """Negatives apart from the shape's interior (Eq. 9; 1 = the paper)."""
     occupancy: NonNegativeFloat = 0.1
     """Cross-entropy and soft IoU of a soft union at grid points (ours; 0 = the paper)."""
 
@@ -178,6 +185,9 @@ class Training(Group):
     """Adam's moments."""
     iterations: PositiveInt = 3
     """Refinement iterations in training."""
+    burn_in: int = Field(default=4, ge=0)
+    """Up to so many iterations, a random number, come before those that are trained through: so
+    refinement learns to go on from its own later results (0 = the paper)."""
     cuboid_samples: PositiveInt = 64
     """Points sampled in each cuboid for L_fit1."""
     shape_samples: PositiveInt = 1_000
@@ -215,8 +225,9 @@ class Abstract(Group):
     """Crop with negatives at all."""
     postprocess: bool = True
     """Shrink, grow, discard and suppress negatives (3.3)."""
-    iterations: PositiveInt = 3
-    """Refinement iterations at inference."""
+    iterations: PositiveInt = 8
+    """Refinement iterations at inference; more than in training where `training.burn_in` let
+    refinement learn to go on (the paper preset: 3)."""
     max_overlap: Share = 0.02
     """Share of a negative's volume that may lie in the shape."""
     max_gap: PositiveFloat = 0.5

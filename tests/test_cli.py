@@ -81,9 +81,9 @@ def test_dry_run_tells_and_writes_nothing(job: Path, tmp_path: Path) -> None:
 
 
 def test_status_and_report_of_no_run(tmp_path: Path) -> None:
-    for command in ("status", "report"):
+    for command in ("status", "report", "verify"):
         result = invoke(command, str(tmp_path))
-        assert result.exit_code == 1
+        assert result.exit_code == 2
         assert "not a run folder" in result.stderr
 
 

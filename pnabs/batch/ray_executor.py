@@ -37,12 +37,23 @@ class RayExecutor:
         How many; one a CPU of the cluster when None.
     threads
         Native threads in each process.
+
+    Raises
+    ------
+    ValueError
+        When no machine has so many CPUs: Ray would wait for ever.
     """
 
     def __init__(self, limits: WorkerLimits, actors: int | None, threads: int) -> None:
         self._limits = limits
         resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
         self._actors = actors or max(1, int(resources.get("CPU", 1)) // threads)
+        largest = max((node["Resources"].get("CPU", 0) for node in _nodes()), default=0)
+        if threads > largest:
+            raise ValueError(
+                f"runtime.threads={threads}: no machine of this Ray has so many CPUs "
+                f"(the largest has {largest:g})"
+            )
         names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
         env = dict.fromkeys(names, str(threads))
         if "NUMBA_CACHE_DIR" in os.environ:
@@ -114,3 +125,8 @@ class RayExecutor:
         for actor, _ in busy.values():
             if actor not in asked:
                 asked[actor] = actor.models_done.remote()
+
+
+def _nodes() -> list[dict[str, Any]]:
+    nodes: list[dict[str, Any]] = ray.nodes()  # type: ignore[no-untyped-call]
+    return [node for node in nodes if node["Alive"]]

@@ -75,13 +75,29 @@ class Objective(nn.Module):
         if self.phase == "initial":
             steps: tuple[Tensor, ...] = (self.network.initial(batch.occupancy),)
         else:
-            steps = self.network(batch.occupancy, self.training_options.iterations)
+            steps = self.refinement_steps(batch.occupancy, generator)
         view = View(steps, batch, self.training_options, progress, generator)
         values = {name: TERMS[name].value(view) for name in self.weights}
         values["total"] = torch.stack(
             [weight * values[name] for name, weight in self.weights.items()]
         ).sum()
         return values
+
+    def refinement_steps(self, volume: Tensor, generator: torch.Generator) -> tuple[Tensor, ...]:
+        """The cuboids to start from and each trained iteration's."""
+        options = self.training_options
+        context = self.network.encode(volume)
+        skipped = torch.randint(
+            options.burn_in + 1, (), generator=generator, device=generator.device
+        )
+        with torch.no_grad():
+            cuboids = self.network.initial(volume)
+            for _ in range(int(skipped)):
+                cuboids = self.network.refine(context, cuboids)
+        steps = [cuboids]
+        for _ in range(options.iterations):
+            steps.append(self.network.refine(context, steps[-1]))
+        return tuple(steps)
 
 
 def make_optimizer(objective: Objective, training: settings.Training) -> Adam:

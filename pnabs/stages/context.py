@@ -31,7 +31,9 @@ class Context:
     variants
         Name -> settings of each variant, `main` first.
     catalogue
-        The run's catalogue, as far as `--category` selects it.
+        The run's catalogue.
+    selected
+        Categories that sharded stages are limited to (`--category`); None for all.
     executor
         Makes an executor for the sharded stages.
     max_failed
@@ -50,6 +52,7 @@ class Context:
     variants: dict[str, Settings]
     run: RunFolder
     catalogue: pa.Table
+    selected: frozenset[str] | None
     executor: Callable[[], Executor]
     reporter: Reporter
     events: Callable[..., None]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from pnabs.stages.identity import check_identity
 from pnabs.stages.job import Job
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Options, select
 from pnabs.stages.scan import scan
-from pnabs.stages.status import context_of, render, status
+from pnabs.stages.status import StageStatus, context_of, render, status
 from pnabs.store.run import RunFolder
 
 
@@ -22,12 +24,14 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
         When the dataset can't be used.
     """
     run = RunFolder(job.settings.out)
-    check_identity(run.read_identity(), job.settings, accept=options.accept)
-    catalogue = scan(job.settings, run, reporter, accept=options.accept, write=False)
-    context = context_of(job, run, reporter, select(catalogue, options.categories))
+    accept = options.accept or not run.ledger.stages()
+    check_identity(run.read_identity(), job.settings, accept=accept)
+    catalogue = scan(job.settings, run, reporter, accept=accept, write=False)
+    context = context_of(job, run, reporter, catalogue)
+    context = dataclasses.replace(context, selected=select(catalogue, options.categories))
     stages = status(context)
     if options.stages:
-        stages = [item for item in stages if item.stage.partition("@")[0] in options.stages]
+        stages = [item for item in stages if _stage(item) in options.stages]
     left = sum(item.seconds_left or 0 for item in stages)
     known = all(item.seconds_left is not None or item.done == item.total for item in stages)
     lines = [
@@ -39,3 +43,9 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     if left:
         lines.append(f"about {left:.0f} s left{'' if known else ', and what is not known yet'}\n")
     return "\n".join(lines)
+
+
+def _stage(item: StageStatus) -> str:
+    """The stage that a line of the status belongs to; both phases of a module to its own."""
+    name = item.stage.partition("@")[0]
+    return name.partition("-")[0].replace(" ", "-") if name.startswith("train ") else name

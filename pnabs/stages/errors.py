@@ -9,6 +9,12 @@ class RunError(Exception):
     exit_code = 1
 
 
+class UsageError(RunError):
+    """The command can't be done with this folder or job as it is."""
+
+    exit_code = 2
+
+
 class RefusedError(RunError):
     """The run folder is held, or settings or inputs changed, or storage isn't shared."""
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from pnabs.settings import Settings
 from pnabs.stages.errors import RefusedError
+from pnabs.stages.job import Job
 from pnabs.stages.plan import VERSIONS, recipe_digest
 
 FIXED = ("dataset.layout", "dataset.shard_size")
 """Settings that the whole run folder is laid out by."""
 
-HARMLESS = ("runtime.", "report.", "out", "dataset.root", "dataset.limit", "dataset.categories")
-"""Place and looks; what the dataset's root and choice change, the catalogue's comparison tells."""
+HARMLESS = (
+    *("runtime.", "report.", "out", "dataset.root", "dataset.limit", "dataset.categories"),
+    *("dataset.split", "dataset.test_share", "dataset.val_share"),
+)
+"""Place and looks; what the choice of models changes, the catalogue's comparison tells."""
 
 
 def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bool) -> None:
@@ -53,7 +58,7 @@ def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bo
     lines += [f"  stage {stage}: {change}" for stage, change in redone.items()]
     if not lines or accept:
         return
-    stages = ", ".join(_redone(identity["settings"], job)) or "none"
+    stages = ", ".join(_redone(identity["settings"], job)) or "only the report"
     raise RefusedError(
         "the job differs from what this run folder was made with:\n"
         + "\n".join(lines)
@@ -67,9 +72,11 @@ def _redone(settings: dict[str, Any], job: Settings) -> list[str]:
         before = Settings.model_validate(settings)
     except ValidationError:
         return list(VERSIONS)
-    return [
-        stage for stage in VERSIONS if recipe_digest(stage, before) != recipe_digest(stage, job)
-    ]
+    then, now = (Job(value, {}, Path("run.json")).variants() for value in (before, job))
+    done = {(stage, recipe_digest(stage, old)) for stage in VERSIONS for old in then.values()}
+    wanted = {(stage, recipe_digest(stage, new)) for stage in VERSIONS for new in now.values()}
+    changed = {stage for stage, _ in wanted - done}
+    return [stage for stage in VERSIONS if stage in changed]
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,10 @@ PAPER: dict[str, Any] = {
     "training": {
         "schedule": "constant",
         "mirror_augment": False,
+        "burn_in": 0,
         "losses": {"occupancy": 0.0},
     },
+    "abstract": {"iterations": 3},
 }
 """`preset: paper`: where our defaults go beyond the paper's numbers."""
 
@@ -32,11 +34,15 @@ class JobError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A job's settings, where each came from, and the file they were read from."""
+    """A job's settings, where each came from, and the file they were read from.
+
+    `where` says for each key of the file, and of the overrides, where it stands.
+    """
 
     settings: Settings
     origins: dict[str, str]
     path: Path
+    where: Mapping[tuple[str, ...], str] = field(default_factory=dict)
 
     def variants(self) -> dict[str, Settings]:
         """The settings of every variant, `main` first."""
@@ -52,14 +58,16 @@ class Job:
             When the variant's overrides are wrong.
         """
         tree = self.settings.model_dump(mode="json", exclude={"variants"})
+        place = self.where.get(("variants", name))
+        prefix = f"{place}: variants.{name}: " if place else f"variants.{name}: "
         for key, value in self.settings.variants[name].items():
             if key.partition(".")[0] in ("dataset", "ingest", "out", "seed", "preset", "runtime"):
                 raise JobError(
-                    f"variants.{name}.{key}: variants share dataset, ingest, seed and runtime; "
+                    f"{prefix}{key}: variants share dataset, ingest, seed and runtime; "
                     "only settings from training on may differ"
                 )
             _assign(tree, key, value)
-        return _validate(tree, {}, f"variants.{name}: ")
+        return _absolute(_validate(tree, {}, prefix))
 
 
 def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Job:
@@ -72,15 +80,15 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
     """
     try:
         text = path.read_text()
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
         tree = yaml.safe_load(text)
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        lines = dict(_lines(node, (), path))
     except OSError as error:
         raise JobError(f"can't read the job file {path}: {error.strerror or error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise JobError(f"{path} is not valid YAML: {error}") from None
     if not isinstance(tree, dict):
         raise JobError(f"{path}: a job file is a mapping with at least `dataset` and `out`")
-    lines = dict(_lines(node, ()))
     where = {key: f"{path}, line {line}" for key, line in lines.items()}
     origins = {key: f"{path}:{lines[tuple(key.split('.'))]}" for key in _leaves(tree)}
     for override in overrides:
@@ -106,13 +114,13 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         tree = _merge(PRESETS[preset], tree)
     settings = _validate(tree, where, f"{path}: ")
     settings = _absolute(settings)
-    job = Job(settings, origins, path)
+    job = Job(settings, origins, path, where)
     if not settings.variants or "main" not in settings.variants:
         raise JobError(f"{path}: variants must have one named `main`")
     for name in settings.variants:
         if not name.replace("-", "").replace("_", "").isalnum():
             raise JobError(f"{path}: variant {name!r}: use letters, digits, - and _")
-    job.variants()
+    _check_places(job)
     return job
 
 
@@ -153,6 +161,8 @@ def _explain(item: Any, where: Mapping[tuple[str, ...], str], fallback: str) -> 
         near = difflib.get_close_matches(location[-1], parent, n=1)
         hint = f"; did you mean {near[0]}?" if near else f"; known here: {', '.join(parent)}"
         return f"{place}unknown key {key}{hint}"
+    if location[:2] == ("dataset", "categories") and isinstance(item["input"], int):
+        return f"{place}{key}: quote synsets, as in '03001627'; YAML reads them as numbers"
     if item["type"] == "missing":
         return f"{place}{key} is missing"
     return f"{place}{key}: {item['msg']} (got {item['input']!r})"
@@ -168,14 +178,33 @@ def _group(location: tuple[str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
+def _check_places(job: Job) -> None:
+    root, out = job.settings.dataset.root, job.settings.out
+    if isinstance(root, Path) and out.is_relative_to(root):
+        place = job.where.get(("out",), str(job.path))
+        raise JobError(f"{place}: out lies inside dataset.root; put the run folder elsewhere")
+    for name, settings in job.variants().items():
+        modules = ("positive", "negative") if settings.abstract.negatives else ("positive",)
+        for module in modules:
+            weights = settings.weights
+            if weights is not None and not (weights / f"{module}.safetensors").is_file():
+                place = job.where.get(("weights",)) or job.where.get(("variants", name), "")
+                raise JobError(f"{place}: weights: there is no {module}.safetensors in {weights}")
+
+
 def _lines(
-    node: yaml.Node | None, prefix: tuple[str, ...]
+    node: yaml.Node | None, prefix: tuple[str, ...], path: Path
 ) -> Iterator[tuple[tuple[str, ...], int]]:
-    if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            here = (*prefix, str(key.value))
-            yield here, key.start_mark.line + 1
-            yield from _lines(value, here)
+    if not isinstance(node, yaml.MappingNode):
+        return
+    seen: dict[str, int] = {}
+    for key, value in node.value:
+        name, line = str(key.value), key.start_mark.line + 1
+        if name in seen:
+            raise JobError(f"{path}, line {line}: {name} stands in line {seen[name]} already")
+        seen[name] = line
+        yield (*prefix, name), line
+        yield from _lines(value, (*prefix, name), path)
 
 
 def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
@@ -202,4 +231,5 @@ def _assign(tree: dict[str, Any], key: str, value: Any) -> None:
         child = tree.get(part)
         tree[part] = child = dict(child) if isinstance(child, dict) else {}
         tree = child
-    tree[last] = value
+    both = isinstance(value, dict) and isinstance(tree.get(last), dict)
+    tree[last] = _merge(tree[last], value) if both else value

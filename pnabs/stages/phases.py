@@ -10,13 +10,15 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pnabs.settings import Settings
 from pnabs.stages.context import Context
-from pnabs.stages.errors import RunError
+from pnabs.stages.errors import UsageError
 from pnabs.stages.plan import fingerprint
 from pnabs.stages.training_data import TrainingModels
 from pnabs.store.atomic import digest, file_digest
+from pnabs.store.events import read_events
 from pnabs.store.run import Variant
 
 WEIGHTS = "weights.safetensors"
@@ -71,11 +73,11 @@ def weights_path(context: Context, variant: str, module: str) -> Path:
     if job.weights is not None:
         path = job.weights / f"{module}.safetensors"
         if not path.is_file():
-            raise RunError(f"weights: there is no {path}")
+            raise UsageError(f"weights: there is no {path}")
         return path
     plan = phase_plans(context, variant, module)[-1]
     if not is_done(plan):
-        raise RunError(
+        raise UsageError(
             f"the {module} module of variant {variant} isn't trained yet; "
             f"run the stage train-{module} first"
         )
@@ -107,11 +109,7 @@ def training_models(context: Context, variant: str, module: str) -> TrainingMode
     """
     shards = []
     inputs = []
-    stage = (
-        "ingest"
-        if module == "positive"
-        else context.home("difference", variant).stage("difference")
-    )
+    stage = source_stage(context, variant, module)
     for shard, rows in context.shards():
         split = {row["model_id"]: (row["split"], row["row"]) for row in rows}
         record = context.run.ledger.read(stage, shard)
@@ -144,3 +142,19 @@ def damaged_files(plan: PhasePlan) -> list[str]:
         for name, expected in outputs
         if not (plan.folder / name).is_file() or file_digest(plan.folder / name) != expected
     ]
+
+
+def source_stage(context: Context, variant: str, module: str) -> str:
+    """The stage whose records name the models that train a module."""
+    if module == "positive":
+        return "ingest"
+    return context.home("difference", variant).stage("difference")
+
+
+def last_epoch(plan: PhasePlan) -> dict[str, Any] | None:
+    """The last epoch event of a phase that is under way, or None."""
+    last = None
+    for event in read_events(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-0"):
+        if event["event"] == "epoch":
+            last = event
+    return last

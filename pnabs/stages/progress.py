@@ -88,10 +88,13 @@ class _Lines:
     def __init__(self, stage: str, total: int, unit: str) -> None:
         self._stage, self._total, self._unit = stage, total, unit
         self._started = self._last = time.monotonic()
+        self._before: int | None = None
         self._done, self._note = 0, ""
         self._say()
 
     def update(self, done: int, note: str = "") -> None:
+        if self._before is None:
+            self._before = done
         self._done, self._note = done, note
         now = time.monotonic()
         if now - self._last >= PLAIN_SECONDS:
@@ -104,8 +107,9 @@ class _Lines:
     def _say(self) -> None:
         seconds = time.monotonic() - self._started
         parts = [f"stage={self._stage} done={self._done}/{self._total} {self._unit}"]
-        if self._done and seconds > 0:
-            rate = self._done / seconds
+        new = self._done - (self._before or 0)
+        if new and seconds > 0:
+            rate = new / seconds
             parts.append(f"rate={rate:.2f}/s eta={(self._total - self._done) / rate:.0f}s")
         if self._note:
             parts.append(self._note)

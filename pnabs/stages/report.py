@@ -20,7 +20,7 @@ from pnabs.geometry.solidify import CropRecipe, make_solid
 from pnabs.geometry.types import Cuboids, Float64, Mesh
 from pnabs.settings import Settings
 from pnabs.stages.context import Context, split_shard
-from pnabs.stages.errors import RunError
+from pnabs.stages.errors import UsageError
 from pnabs.stages.phases import CURVES, PHASES, is_done, phase_plans
 from pnabs.store.atomic import write_atomic
 from pnabs.store.events import read_events
@@ -40,7 +40,7 @@ def run(context: Context, command: str) -> str:
     job = context.job
     rows = {name: _rows(context, name) for name in context.variants}
     if not any(len(table) for table in rows.values()):
-        raise RunError("there is nothing to report yet: no shard has been abstracted")
+        raise UsageError("there is nothing to report yet: no shard has been abstracted")
     categories = sorted(set(context.catalogue["category"].unique().to_pylist()))
     names = {category: name_of(category) for category in categories}
     split = _covered(job, rows["main"])

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from pnabs.batch import Executor, WorkerLimits
 from pnabs.dataset import catalogue as catalogues
 from pnabs.dataset.synsets import resolve_category
 from pnabs.stages import abstract, difference, ingest, report, train
 from pnabs.stages.context import Context
-from pnabs.stages.errors import InterruptedRunError, RefusedError
+from pnabs.stages.errors import InterruptedRunError, RefusedError, UsageError
 from pnabs.stages.identity import check_identity
 from pnabs.stages.interrupts import Interrupts
 from pnabs.stages.job import Job
@@ -118,6 +117,8 @@ def held(run: Path) -> Iterator[None]:
             stack.enter_context(run_lock(run))
         except LockedError as error:
             raise RefusedError(str(error)) from None
+        except OSError as error:
+            raise UsageError(f"can't write the run folder {run}: {error.strerror}") from None
         yield
 
 
@@ -132,8 +133,10 @@ def open_run(
     """The run's context, its folder opened or made; Ray is started when first needed."""
     settings = job.settings
     run = RunFolder(settings.out)
-    check_identity(run.read_identity(), settings, accept=options.accept)
-    catalogue = scan(settings, run, reporter, accept=options.accept)
+    # A folder in which nothing is done yet has nothing that could be redone.
+    accept = options.accept or not run.ledger.stages()
+    check_identity(run.read_identity(), settings, accept=accept)
+    catalogue = scan(settings, run, reporter, accept=accept)
     run.write_identity(
         settings,
         origins=job.origins,
@@ -151,7 +154,11 @@ def open_run(
         from pnabs.stages.cluster import ray_session
 
         reporter.say("starting Ray ..." if options.address is None else "joining Ray ...")
-        started.append(stack.enter_context(ray_session(options.address, run.root)))
+        try:
+            started.append(stack.enter_context(ray_session(options.address, run.root)))
+        except SystemExit:
+            # While it starts, Ray answers SIGTERM itself.
+            raise InterruptedRunError("stopped while Ray was starting", 143) from None
         interrupts.install()
 
     runtime = settings.runtime
@@ -161,14 +168,18 @@ def open_run(
         start_ray()
         from pnabs.batch.ray_executor import RayExecutor
 
-        return RayExecutor(limits, runtime.actors, runtime.threads)
+        try:
+            return RayExecutor(limits, runtime.actors, runtime.threads)
+        except ValueError as error:
+            raise UsageError(str(error)) from None
 
     allowed = runtime.max_failed if options.max_failed is None else options.max_failed
     return Context(
         job=settings,
         variants=job.variants(),
         run=run,
-        catalogue=select(catalogue, options.categories),
+        catalogue=catalogue,
+        selected=select(catalogue, options.categories),
         executor=on_ray if executor is None else functools.partial(executor, limits),
         reporter=reporter,
         events=events,
@@ -179,13 +190,12 @@ def open_run(
     )
 
 
-def select(catalogue: pa.Table, categories: Sequence[str]) -> pa.Table:
-    """The catalogue's rows of some categories, by name or alias; all when none is named."""
+def select(catalogue: pa.Table, categories: Sequence[str]) -> frozenset[str] | None:
+    """The categories that sharded stages are limited to, by name or alias; None for all."""
     if not categories:
-        return catalogue
+        return None
     available = catalogue["category"].unique().to_pylist()
-    wanted = [resolve_category(name, available) for name in categories]
-    return catalogue.filter(pc.is_in(catalogue["category"], value_set=pa.array(wanted)))
+    return frozenset(resolve_category(name, available) for name in categories)
 
 
 def _do(context: Context, options: Options) -> Result:

@@ -36,6 +36,16 @@ def pending(context: Context, stage: str, plans: list[ShardPlan]) -> list[ShardP
     return missing
 
 
+def is_chosen(context: Context, shard: str) -> bool:
+    """Whether `--category` leaves a shard in."""
+    return context.selected is None or split_shard(shard)[0] in context.selected
+
+
+def chosen(context: Context, plans: list[ShardPlan]) -> list[ShardPlan]:
+    """The shards that `--category` leaves in."""
+    return [plan for plan in plans if is_chosen(context, plan.shard)]
+
+
 def run_sharded(
     context: Context,
     stage: str,
@@ -65,8 +75,9 @@ def run_sharded(
         When the run was asked to stop.
     """
     ledger = context.run.ledger
-    todo = {plan.shard: plan for plan in pending(context, stage, plans)}
-    total = sum(plan.models for plan in plans)
+    wanted = chosen(context, plans)
+    todo = {plan.shard: plan for plan in pending(context, stage, wanted)}
+    total = sum(plan.models for plan in wanted)
     before = total - sum(plan.models for plan in todo.values())
     failed: list[ShardFailed] = []
     if todo:

@@ -14,12 +14,12 @@ from pnabs.dataset import catalogue as catalogues
 from pnabs.settings import Settings
 from pnabs.stages import abstract, difference, ingest
 from pnabs.stages.context import Context
-from pnabs.stages.errors import RunError
+from pnabs.stages.errors import RunError, UsageError
 from pnabs.stages.job import Job
-from pnabs.stages.phases import PhasePlan, is_done, phase_plans
+from pnabs.stages.phases import PhasePlan, is_done, last_epoch, phase_plans
 from pnabs.stages.plan import homes
 from pnabs.stages.progress import Reporter
-from pnabs.stages.sharded import ShardPlan
+from pnabs.stages.sharded import ShardPlan, chosen, is_chosen
 from pnabs.store.events import read_events
 from pnabs.store.run import RunFolder
 
@@ -67,7 +67,7 @@ def stored_context(run: RunFolder, reporter: Reporter) -> Context:
     """
     identity = run.read_identity()
     if identity is None:
-        raise RunError(f"{run.root} is not a run folder: there is no run.json in it")
+        raise UsageError(f"{run.root} is not a run folder: there is no run.json in it")
     settings = Settings.model_validate(identity["settings"])
     # The folder may have been moved since.
     settings = settings.model_copy(update={"out": run.root.absolute()})
@@ -88,6 +88,7 @@ def context_of(job: Job, run: RunFolder, reporter: Reporter, catalogue: pa.Table
         variants=job.variants(),
         run=run,
         catalogue=catalogue,
+        selected=None,
         executor=refuse,
         reporter=reporter,
         events=refuse,
@@ -130,7 +131,7 @@ def _sharded(
     catalogue: pa.Table | None = None,
 ) -> StageStatus:
     try:
-        plans: list[ShardPlan] | None = plan()
+        plans: list[ShardPlan] | None = chosen(context, plan())
     except RunError:
         # What an untrained module leaves open can't be counted yet.
         plans = None
@@ -145,7 +146,8 @@ def _sharded(
     total = None if plans is None else len(plans)
     if catalogue is not None:
         # Shards that aren't ingested yet are to be done by later stages too.
-        total = max(total or 0, len(catalogue["shard"].unique()))
+        shards = catalogue["shard"].unique().to_pylist()
+        total = max(total or 0, sum(is_chosen(context, shard) for shard in shards))
     models_total = None if plans is None else sum(item.models for item in plans)
     rate = rates.get(stage)
     left = (models_total - models) / rate if rate and models_total is not None else None
@@ -157,7 +159,7 @@ def _phases(
 ) -> Iterator[StageStatus]:
     epochs = context.variants[variant].training.epochs
     for plan in phase_plans(context, variant, module):
-        done = epochs if is_done(plan) else _epochs(context, plan)
+        done = epochs if is_done(plan) else _epochs(plan)
         stage = f"train {plan.name}" + ("" if variant == "main" else f"@{variant}")
         rate = rates.get(plan.name)
         left = (epochs - done) / rate if rate else None
@@ -165,32 +167,31 @@ def _phases(
         yield StageStatus(stage, "epochs", done, epochs, count, count, {}, rate, left)
 
 
-def _epochs(context: Context, plan: PhasePlan) -> int:
-    events = read_events(context.run.root, f"train-{plan.name}-{plan.fingerprint[:8]}-0")
-    return max((event["epoch"] + 1 for event in events if event["event"] == "epoch"), default=0)
+def _epochs(plan: PhasePlan) -> int:
+    last = last_epoch(plan)
+    done = 0 if last is None else int(last["epoch"]) + 1
+    # A phase that ran to its end and isn't done has lost its files: it begins again.
+    return done if done < plan.job.training.epochs else 0
 
 
 def _rates(run: RunFolder) -> dict[str, float]:
-    """Units a second of each stage when last at work."""
-    begun: dict[str, tuple[float, int]] = {}
-    rates: dict[str, float] = {}
+    """Models or epochs a second of each stage and phase when last at work."""
+    begun: dict[str, tuple[int, float]] = {}
     done: Counter[str] = Counter()
+    rates: dict[str, float] = {}
     for event in read_events(run.root):
-        stage = event.get("stage") or event.get("phase", "")
-        if event["event"] == "stage-start":
-            begun[stage] = (event["time"], 0)
-            done[stage] = 0
-        elif event["event"] == "shard" and stage in begun:
-            done[stage] += event["models"]
-            seconds = event["time"] - begun[stage][0]
-            if seconds > 0:
-                rates[stage] = done[stage] / seconds
-        elif event["event"] == "epoch":
-            name = event["phase"]
-            first, _ = begun.setdefault(name, (event["time"], 0))
-            done[name] += 1
-            if event["time"] > first:
-                rates[name] = (done[name] - 1) / (event["time"] - first)
+        kind = event["event"]
+        if kind not in ("stage-start", "shard", "epoch"):
+            continue
+        name = event["phase"] if kind == "epoch" else event["stage"]
+        if kind == "stage-start" or begun.get(name, (0, 0.0))[0] != event["pid"]:
+            # Another process: what came before the pause says nothing of the rate.
+            begun[name] = (event["pid"], event["time"])
+            done[name] = 0
+            continue
+        done[name] += event["models"] if kind == "shard" else 1
+        if event["time"] > begun[name][1]:
+            rates[name] = done[name] / (event["time"] - begun[name][1])
     return rates
 
 

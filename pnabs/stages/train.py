@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import shutil
-from typing import Any
+import time
 
+from pnabs.stages import difference, ingest
 from pnabs.stages.context import Context
-from pnabs.stages.errors import InterruptedRunError, RunError
-from pnabs.stages.phases import CURVES, RECORD, WEIGHTS, PhasePlan, is_done, phase_plans
+from pnabs.stages.errors import InterruptedRunError, RunError, UsageError
+from pnabs.stages.phases import (
+    CURVES,
+    RECORD,
+    WEIGHTS,
+    PhasePlan,
+    is_done,
+    last_epoch,
+    phase_plans,
+    source_stage,
+)
+from pnabs.stages.sharded import pending
 from pnabs.stages.train_loop import train_loop
 from pnabs.store.atomic import file_digest, pretty_json, write_atomic
-from pnabs.store.events import read_events
 
 POLL_SECONDS = 0.3
 CANCEL_SECONDS = 20.0
@@ -30,9 +40,44 @@ def run(context: Context, variant: str, module: str) -> None:
     todo = [plan for plan in phase_plans(context, variant, module) if not is_done(plan)]
     if not todo:
         return
+    _check_complete(context, variant, module)
     context.start_ray()
+    _check_resources(todo[0])
     for plan in todo:
         _train(context, plan)
+
+
+def _check_complete(context: Context, variant: str, module: str) -> None:
+    stage = source_stage(context, variant, module)
+    positive = module == "positive"
+    plans = ingest.plans(context) if positive else difference.plans(context, variant)
+    missing = pending(context, stage, plans)
+    if missing:
+        raise UsageError(
+            f"train-{module} takes the job's whole training split, and {len(missing)} of "
+            f"{len(plans)} shards have not been through {stage.partition('@')[0]} yet: run "
+            "that first, without --category. To train on some categories alone, name them in "
+            "dataset.categories."
+        )
+
+
+def _check_resources(plan: PhasePlan) -> None:
+    """Ray would wait for ever for what the cluster doesn't have."""
+    import ray
+
+    runtime, workers = plan.job.runtime, plan.job.training.workers
+    available: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+    cpus, gpus = int(available.get("CPU", 0)), int(available.get("GPU", 0))
+    if workers * runtime.threads > cpus:
+        raise UsageError(
+            f"training.workers={workers} with runtime.threads={runtime.threads} need "
+            f"{workers * runtime.threads} CPUs, and Ray has {cpus}"
+        )
+    if runtime.device == "cuda" and workers > gpus:
+        raise UsageError(
+            f"runtime.device=cuda with training.workers={workers} needs {workers} GPUs, "
+            f"and Ray has {gpus}"
+        )
 
 
 def _train(context: Context, plan: PhasePlan) -> None:
@@ -50,11 +95,12 @@ def _train(context: Context, plan: PhasePlan) -> None:
     context.events("phase-start", stage=f"train-{plan.module}", phase=plan.name)
     # A task of its own keeps the driver light, and can be cancelled: Ray Train then ends its
     # workers and gives back their CPUs, which killing it would not.
+    begun = time.time()
     fitting = ray.remote(num_cpus=0, max_retries=0)(_fit).remote(plan)
     with context.reporter.track(f"train {plan.name}", epochs, "epochs") as tracker:
         while not ray.wait([fitting], timeout=POLL_SECONDS)[0]:
-            last = _last_epoch(plan)
-            if last is not None:
+            last = last_epoch(plan)
+            if last is not None and last["time"] >= begun:
                 tracker.update(last["epoch"] + 1, f"loss={last['total']:.5f}")
             signal_number = context.interrupted()
             if signal_number is not None:
@@ -117,11 +163,3 @@ def _finish(plan: PhasePlan) -> None:
         "outputs": {name: file_digest(plan.folder / name) for name in (WEIGHTS, CURVES)},
     }
     write_atomic(plan.folder / RECORD, pretty_json(record))
-
-
-def _last_epoch(plan: PhasePlan) -> dict[str, Any] | None:
-    last = None
-    for event in read_events(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-0"):
-        if event["event"] == "epoch":
-            last = event
-    return last

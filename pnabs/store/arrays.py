@@ -72,11 +72,12 @@ class CategoryArrays:
                 if array.shape[0] < rows:
                     array.resize(shape)
                 continue
-            # Absent, or of a shape that changed settings made another.
+            # Of a shape that changed settings made another: begin anew.  Absent: only the
+            # description is written, shards that lie there stay.
             width = np.dtype(spec.dtype).itemsize
             group.create_array(
                 spec.name,
-                overwrite=True,
+                overwrite=array is not None,
                 shape=shape,
                 dtype=spec.dtype,
                 chunks=(inner, *spec.shape),
@@ -92,6 +93,26 @@ class CategoryArrays:
                 ],
                 fill_value=0,
             )
+
+    def mend(self, category: str, shards: int) -> list[Path]:
+        """Write again the descriptions (zarr.json) that can't be read; returns which.
+
+        They follow from the settings, so nothing else is lost with them; shards stay.
+        """
+        mended = []
+        for spec in self.specs:
+            path = self.store / category / spec.name / "zarr.json"
+            try:
+                array = zarr.open_array(self.store, path=f"{category}/{spec.name}", mode="r")
+                sound = array.shape[1:] == spec.shape
+            except (ValueError, TypeError, KeyError, OSError):
+                sound = False
+            if not sound:
+                path.unlink(missing_ok=True)
+                mended.append(path)
+        if mended:
+            self.ensure(category, shards)
+        return mended
 
     def write_shard(
         self, category: str, shard: int, arrays: Mapping[str, NDArray[Any]]

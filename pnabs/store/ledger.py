@@ -142,13 +142,16 @@ class Ledger:
             raise LedgerError(
                 f"{path} has record version {value.get('version')}, this pnabs reads {VERSION}"
             )
-        return Record(
-            value["stage"],
-            value["shard"],
-            value["fingerprint"],
-            tuple(ModelVerdict.from_json(model) for model in value["models"]),
-            value["outputs"],
-        )
+        try:
+            return Record(
+                value["stage"],
+                value["shard"],
+                value["fingerprint"],
+                tuple(ModelVerdict.from_json(model) for model in value["models"]),
+                value["outputs"],
+            )
+        except (KeyError, TypeError) as error:
+            raise LedgerError(f"{path} lacks {error}; delete it and run again") from error
 
     def commit(self, record: Record) -> None:
         """Write a shard's record: from here on the shard is done."""

@@ -137,3 +137,20 @@ def test_distributed_wrapper_changes_nothing(
                 assert torch.equal(a.grad, b.grad), name
     finally:
         torch.distributed.destroy_process_group()
+
+
+def test_burn_in_precedes_the_trained_iterations(five: TrainingSet) -> None:
+    """Trained iterations start where a random number of untrained ones ended."""
+    training = TRAINING.model_copy(update={"burn_in": 2})
+    objective = build("positive", "refinement", training).eval()
+    volume = five.batch(np.arange(4), training, torch.Generator().manual_seed(0)).occupancy
+    expected = [step.detach() for step in objective.network(volume, 5)]
+    skips = set()
+    for seed in range(20):
+        steps = objective.refinement_steps(volume, torch.Generator().manual_seed(seed))
+        assert len(steps) == 1 + training.iterations
+        (skip,) = [k for k in range(3) if torch.equal(steps[0], expected[k])]
+        assert not steps[0].requires_grad
+        assert all(torch.equal(steps[i], expected[skip + i]) for i in range(len(steps)))
+        skips.add(skip)
+    assert skips == {0, 1, 2}

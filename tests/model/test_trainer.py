@@ -114,7 +114,7 @@ def test_divergence_is_reported(five: TrainingSet) -> None:
 def test_overfits_one_chair(chair: TrainingSet) -> None:
     """Both phases on one shape of four boxes: the losses fall and the volumes nearly agree."""
     training = settings.Training(
-        epochs=7,
+        epochs=10,
         batch_size=4,
         learning_rate=0.005,
         shape_samples=100,
@@ -148,5 +148,5 @@ def test_overfits_one_chair(chair: TrainingSet) -> None:
             axis=0,
         )
         ious.append((inside & solid).sum() / (inside | solid).sum())
-    assert ious[0] > 0.8
-    assert ious[1] > 0.9
+    assert ious[0] > 0.9
+    assert ious[1] > 0.95

@@ -70,7 +70,10 @@ def test_the_papers_preset_is_below_what_the_file_says(tmp_path: Path) -> None:
         ("dataset: !!python/object/apply:os.system [id]\nout: x\n", r"not valid YAML"),
         (MINIMAL + "variants: {a: {}}\n", r"one named `main`"),
         (MINIMAL + "variants: {main: {}, a/b: {}}\n", r"use letters"),
-        (MINIMAL + "variants: {main: {}, b: {seed: 3}}\n", r"variants.b.seed: variants share"),
+        (
+            MINIMAL + "variants: {main: {}, b: {seed: 3}}\n",
+            r"line 3: variants.b: seed: variants",
+        ),
         (MINIMAL + "variants: {main: {}, b: {abstract.x: 3}}\n", r"variants.b: unknown key"),
     ],
 )
@@ -154,3 +157,31 @@ def test_the_layout_of_the_folder_cannot_change(tmp_path: Path) -> None:
     changed = load_job(path, ["dataset.shard_size=8"]).settings
     with pytest.raises(RefusedError, match="shard_size"):
         check_identity(identity_of(path), changed, accept=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a: &a [*a]\n", "not valid YAML|a mapping|unknown key"),
+        (MINIMAL + "seed: 1\nseed: 2\n", r"line 4: seed stands in line 3 already"),
+        ("dataset: {root: d, categories: [03001627]}\nout: x\n", "quote synsets"),
+        ("dataset: {root: d}\nout: d/run\n", r"line 2: out lies inside dataset.root"),
+        (MINIMAL + "weights: nowhere\n", r"line 3: weights: there is no positive.safetensors"),
+        (MINIMAL + "variants:\n  main: {}\n  b: {abstract.x: 3}\n", r"line 5: variants.b: unknown"),
+    ],
+)
+def test_mistakes_are_met_when_the_job_is_read(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(JobError, match=says):
+        load_job(job_file(tmp_path, text))
+
+
+def test_one_category_needs_no_list(tmp_path: Path) -> None:
+    job = load_job(job_file(tmp_path, "dataset: {root: d, categories: chair}\nout: x\n"))
+    assert job.settings.dataset.categories == ("chair",)
+
+
+def test_a_variants_group_is_merged(tmp_path: Path) -> None:
+    text = MINIMAL + "training: {batch_size: 4}\nvariants: {main: {}, b: {training: {epochs: 3}}}\n"
+    variant = load_job(job_file(tmp_path, text)).variant("b")
+    assert variant.training.epochs == 3
+    assert variant.training.batch_size == 4

@@ -91,3 +91,15 @@ def test_damage_is_noticed(store: CategoryArrays, damage: str) -> None:
         path.unlink()
     with pytest.raises(DamagedArrayError, match="points"):
         store.read_shard("chair", 0, "points", 16)
+
+
+@pytest.mark.parametrize("damage", ["delete", "garble"])
+def test_a_lost_description_is_mended_and_shards_stay(store: CategoryArrays, damage: str) -> None:
+    store.write_shard("chair", 0, rows(16))
+    path = store.store / "chair" / "points" / "zarr.json"
+    before = path.read_bytes()
+    assert store.mend("chair", 2) == []
+    path.unlink() if damage == "delete" else path.write_bytes(before[:-20])
+    assert store.mend("chair", 2) == [path]
+    assert path.read_bytes() == before
+    np.testing.assert_array_equal(store.read_shard("chair", 0, "points", 16), rows(16)["points"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from click.testing import Result as CliResult
 
 from pnabs.cli import main
 from pnabs.formats import from_json
-from pnabs.stages.errors import InterruptedRunError, RefusedError
+from pnabs.stages.errors import InterruptedRunError, RefusedError, UsageError
 from pnabs.stages.interrupts import Interrupts
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Result
@@ -174,9 +175,10 @@ def test_verify_names_damage_and_the_next_run_mends_it(
     flipped[-3] ^= 1
     glb.write_bytes(flipped)
     chunk.unlink()
+    (run / "fields.zarr/02828884/mirror/zarr.json").unlink()
     result = invoke(run)
     assert result.exit_code == 5
-    assert len(result.stdout.splitlines()) == 2
+    assert len(result.stdout.splitlines()) == 3
     assert glb.relative_to(run).as_posix() in result.stdout
     assert chunk.relative_to(run).as_posix() in result.stdout
     launch(run)
@@ -221,3 +223,46 @@ def test_added_models_are_refused_then_get_shards_of_their_own(
     for name in theirs:
         if name.startswith("ledger/ingest/"):
             assert ours[name] == theirs[name]
+
+
+def test_edited_models_are_noticed_by_their_content(
+    finished: tuple[Path, Result], launch: Launcher, samples: Path, tmp_path: Path
+) -> None:
+    run, data = tmp_path / "copy", tmp_path / "data"
+    shutil.copytree(finished[0], run)
+    shutil.copytree(samples, data)
+    other = Launcher(data)
+    folder = sorted((data / "02828884").iterdir())[0]
+    mesh = folder / "models" / "model_normalized.obj"
+    os.utime(mesh, (1, 1))
+    other(run, stages=("scan",))  # another time, the same bytes
+    text = mesh.read_text()
+    mesh.write_text(text.replace("v ", "v\t", 1))
+    with pytest.raises(RefusedError, match=f"content changed: 1 models .02828884/{folder.name}"):
+        other(run)
+    other(run, accept=True, stages=("scan", "ingest"))
+    ours, theirs = tree(run), tree(finished[0])
+    changed = {name for name in theirs if ours[name] != theirs[name]}
+    assert {"catalogue.parquet", "ledger/ingest/02828884-00000.json"} <= changed
+    others = {name for name in changed if not name.startswith("fields.zarr/02828884/")}
+    assert others == {"catalogue.parquet", "ledger/ingest/02828884-00000.json"}
+
+
+def test_one_category_leaves_the_others_and_the_training_alone(
+    finished: tuple[Path, Result], launch: Launcher, tmp_path: Path
+) -> None:
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+    Ledger(run).withdraw("abstract", "02828884-00001")
+    Ledger(run).withdraw("abstract", "03001627-00001")
+    launch(run, categories=("chair",))
+    missing = set(tree(finished[0])) - set(tree(run))
+    assert missing == {"ledger/abstract/02828884-00001.json"}
+    fresh = tmp_path / "fresh"
+    with pytest.raises(UsageError, match="have not been through ingest"):
+        launch(fresh, categories=("chair",))
+
+
+def test_what_the_cluster_lacks_is_said_at_once(launch: Launcher, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"no machine of this Ray has so many CPUs"):
+        launch(tmp_path / "run", "runtime.threads=1000")
