@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from pnabs.stages.identity import check_identity
-from pnabs.stages.job import Job
+from pnabs.stages.job import Job, check_weights
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Options, select
 from pnabs.stages.scan import scan
@@ -23,6 +23,7 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     pnabs.dataset.errors.DatasetError
         When the dataset can't be used.
     """
+    check_weights(job)
     run = RunFolder(job.settings.out)
     accept = options.accept or not run.ledger.stages()
     check_identity(run.read_identity(), job.settings, accept=accept)

@@ -120,7 +120,11 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
     for name in settings.variants:
         if not name.replace("-", "").replace("_", "").isalnum():
             raise JobError(f"{path}: variant {name!r}: use letters, digits, - and _")
-    _check_places(job)
+    job.variants()
+    root = settings.dataset.root
+    if isinstance(root, Path) and settings.out.is_relative_to(root):
+        place = where.get(("out",), str(path))
+        raise JobError(f"{place}: out lies inside dataset.root; put the run folder elsewhere")
     return job
 
 
@@ -178,17 +182,22 @@ def _group(location: tuple[str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
-def _check_places(job: Job) -> None:
-    root, out = job.settings.dataset.root, job.settings.out
-    if isinstance(root, Path) and out.is_relative_to(root):
-        place = job.where.get(("out",), str(job.path))
-        raise JobError(f"{place}: out lies inside dataset.root; put the run folder elsewhere")
+def check_weights(job: Job) -> None:
+    """Whether given weights are there, before anything is done.
+
+    Raises
+    ------
+    JobError
+        When a module's file is missing.
+    """
     for name, settings in job.variants().items():
         modules = ("positive", "negative") if settings.abstract.negatives else ("positive",)
         for module in modules:
             weights = settings.weights
             if weights is not None and not (weights / f"{module}.safetensors").is_file():
-                place = job.where.get(("weights",)) or job.where.get(("variants", name), "")
+                place = job.where.get(("weights",)) or job.where.get(
+                    ("variants", name), str(job.path)
+                )
                 raise JobError(f"{place}: weights: there is no {module}.safetensors in {weights}")
 
 

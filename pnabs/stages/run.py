@@ -18,7 +18,7 @@ from pnabs.stages.context import Context
 from pnabs.stages.errors import InterruptedRunError, RefusedError, UsageError
 from pnabs.stages.identity import check_identity
 from pnabs.stages.interrupts import Interrupts
-from pnabs.stages.job import Job
+from pnabs.stages.job import Job, check_weights
 from pnabs.stages.plan import STAGES, VERSIONS, homes
 from pnabs.stages.progress import Reporter
 from pnabs.stages.scan import scan
@@ -84,11 +84,14 @@ def run_job(
 
     Raises
     ------
+    pnabs.stages.job.JobError
+        When weights that the job gives aren't there.
     RunError
         With its exit code: refused, interrupted, too much failed, or nothing to work on.
     pnabs.dataset.errors.DatasetError
         When the dataset can't be used.
     """
+    check_weights(job)
     run = RunFolder(job.settings.out)
     interrupts = Interrupts()
     with ExitStack() as stack:

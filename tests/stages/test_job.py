@@ -8,7 +8,7 @@ import pytest
 
 from pnabs.stages.errors import RefusedError
 from pnabs.stages.identity import check_identity
-from pnabs.stages.job import JobError, load_job
+from pnabs.stages.job import JobError, check_weights, load_job
 from pnabs.stages.plan import VERSIONS, homes, recipe_digest
 
 JOBS = Path(__file__).parents[2] / "jobs"
@@ -166,7 +166,6 @@ def test_the_layout_of_the_folder_cannot_change(tmp_path: Path) -> None:
         (MINIMAL + "seed: 1\nseed: 2\n", r"line 4: seed stands in line 3 already"),
         ("dataset: {root: d, categories: [03001627]}\nout: x\n", "quote synsets"),
         ("dataset: {root: d}\nout: d/run\n", r"line 2: out lies inside dataset.root"),
-        (MINIMAL + "weights: nowhere\n", r"line 3: weights: there is no positive.safetensors"),
         (MINIMAL + "variants:\n  main: {}\n  b: {abstract.x: 3}\n", r"line 5: variants.b: unknown"),
     ],
 )
@@ -185,3 +184,9 @@ def test_a_variants_group_is_merged(tmp_path: Path) -> None:
     variant = load_job(job_file(tmp_path, text)).variant("b")
     assert variant.training.epochs == 3
     assert variant.training.batch_size == 4
+
+
+def test_missing_weights_are_named(tmp_path: Path) -> None:
+    job = load_job(job_file(tmp_path, MINIMAL + "weights: nowhere\n"))
+    with pytest.raises(JobError, match=r"line 3: weights: there is no positive.safetensors"):
+        check_weights(job)
