@@ -19,7 +19,7 @@ PAPER: dict[str, Any] = {
         "schedule": "constant",
         "mirror_augment": False,
         "burn_in": 0,
-        "losses": {"occupancy": 0.0},
+        "losses": {"occupancy": 0.0, "separation": 1.0},
     },
     "abstract": {"iterations": 3},
 }
