@@ -17,12 +17,17 @@ import resource
 import signal
 import sys
 import tempfile
+import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from pnabs.batch.work import InvalidInput, Outcome, WorkerLimits
+
+GRACE_SECONDS = 5.0
+"""A child ends itself at the deadline; after this longer it is killed."""
 
 
 class IsolatedChild:
@@ -55,18 +60,23 @@ class IsolatedChild:
     def run(self, model_id: str, payload: Any) -> Outcome:
         """One model's outcome; never raises for what the task does."""
         connection = self._connection or self._start()
+        deadline = self._limits.deadline
+        started = time.monotonic()
         try:
             connection.send(payload)
-            if not connection.poll(self._limits.deadline):
-                stack = self._end()
-                reason = f"no result within {self._limits.deadline:g} s"
-                return Outcome(model_id, "timeout", reason=reason, traceback=stack)
+            if not connection.poll(deadline + GRACE_SECONDS):
+                raise TimeoutError
             kind, value, reason, trace = connection.recv()
-        except (EOFError, ConnectionError):
+        except (EOFError, ConnectionError, TimeoutError):
+            # The child's own timer ends it at the deadline, at once or a moment later.
+            late = time.monotonic() - started >= deadline
             process = self._process
-            process.join()
+            process.join(0 if late else GRACE_SECONDS)
             code = process.exitcode
             stack = self._end()
+            if late:
+                reason = f"no result within {deadline:g} s"
+                return Outcome(model_id, "timeout", reason=reason, traceback=stack)
             return Outcome(model_id, "crash", reason=_exit_reason(code), traceback=stack)
         return Outcome(model_id, kind, value=value, reason=reason, traceback=trace)
 
@@ -95,7 +105,6 @@ class IsolatedChild:
     def _end(self) -> str:
         if self._process is None:
             return ""
-        # The child's own timer wrote its stack before the deadline, so killing loses nothing.
         self._process.kill()
         self._process.join()
         self._process.close()
@@ -117,6 +126,7 @@ def _serve(
     # Ctrl-C goes to the whole process group; the driver decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_the_worker, daemon=True).start()
     words = stack.open("ab", buffering=0)
     faulthandler.enable(words)
     limit = _address_space() + limits.memory
@@ -126,9 +136,18 @@ def _serve(
             payload = connection.recv()
         except EOFError:
             return
-        faulthandler.dump_traceback_later(max(limits.deadline * 0.95, 0.1), file=words)
+        # The timer needs no interpreter lock: it ends a child that hangs in native code, also
+        # one whose worker is gone, and leaves behind where it hung.
+        faulthandler.dump_traceback_later(limits.deadline, exit=True, file=words)
         connection.send(_attempt(task, payload))
         faulthandler.cancel_dump_traceback_later()
+
+
+def _end_with_the_worker() -> None:
+    worker = multiprocessing.parent_process()
+    if worker is not None:
+        worker.join()
+        os._exit(1)
 
 
 def _attempt(task: Callable[[Any], Any], payload: Any) -> tuple[str, Any, str, str]:

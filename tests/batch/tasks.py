@@ -31,6 +31,7 @@ def misbehave(payload: tuple[str, str, str]) -> str:
     elif action == "exit":
         os._exit(7)
     elif action == "hang":
+        (Path(folder) / "pid").write_text(str(os.getpid()))
         time.sleep(1000)
     elif action == "raise":
         raise ValueError("a bad model")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 from pnabs.batch import InlineExecutor, ShardDone, ShardFailed, WorkerLimits
@@ -71,3 +74,27 @@ def test_a_shard_that_cannot_be_written_fails_by_name(tmp_path: Path) -> None:
     assert results[0].shard == "s"
     assert "IsADirectoryError" in results[0].reason
     assert isinstance(results[1], ShardDone)
+
+
+DRIVER = """
+import sys
+from pnabs.batch import InlineExecutor, WorkerLimits
+from tests.batch.tasks import ScriptedWork
+work = ScriptedWork(sys.argv[1], {"s": {"a": "hang"}})
+list(InlineExecutor(WorkerLimits(600, 2**30)).map(work, ["s"]))
+"""
+
+
+def test_a_hanging_child_ends_with_its_worker(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    driver = subprocess.Popen([sys.executable, "-c", DRIVER, str(tmp_path)], cwd=root)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "pid").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    child = Path("/proc") / (tmp_path / "pid").read_text()
+    assert child.exists()
+    driver.kill()
+    driver.wait()
+    while child.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not child.exists()
