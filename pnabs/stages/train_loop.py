@@ -44,11 +44,11 @@ def train_loop(config: dict[str, Any]) -> None:
 
     torch.manual_seed(seed)
     if plan.inherits is None:
-        total = torch.from_numpy(dataset.mean_occupancy())
+        total = torch.from_numpy(dataset.mean_occupancy()).to(device)
         if world > 1:
             torch.distributed.all_reduce(total)
         count = job.network.positives if plan.module == "positive" else job.network.negatives
-        start = start_points(total.numpy() / world, count, job.network.start)
+        start = start_points(total.cpu().numpy() / world, count, job.network.start)
         network = CuboidNetwork(count, job.network, start)
     else:
         network = load_network(plan.inherits)
@@ -70,7 +70,7 @@ def train_loop(config: dict[str, Any]) -> None:
             epoch=epoch, seed=seed, rank=rank, world=world, device=device,
         )  # fmt: skip
         if world > 1:
-            mean = torch.tensor(list(losses.values()), dtype=torch.float64) / world
+            mean = torch.tensor(list(losses.values()), dtype=torch.float64, device=device) / world
             torch.distributed.all_reduce(mean)
             losses = dict(zip(losses, mean.tolist(), strict=True))
         curves.append({"epoch": epoch, **losses})
