@@ -128,6 +128,17 @@ class Predictor:
         return [Prediction(*parts) for parts in zip(positives, negatives, volumes, strict=True)]
 
 
+def thickened(positives: Cuboids, min_side: float) -> Cuboids:
+    """Positives whose sides are raised to at least `min_side` (ours).
+
+    A seat or a wing may be predicted with no thickness at all; a crop would lose it.  Specks,
+    shorter than that in every direction, are left out.
+    """
+    kept = positives[positives.scale.max(axis=1) >= min_side]
+    scale = np.maximum(kept.scale, np.float32(min_side))
+    return Cuboids(scale, kept.rotation, kept.translation)
+
+
 def finish(
     prediction: Prediction,
     shape: Shape,
@@ -154,7 +165,7 @@ def finish(
         prediction.difference,
         options,
     )
-    positives = prediction.positives
+    positives = thickened(prediction.positives, options.min_side)
     solid = solidify(positives, negatives, options, rng)
     found = measure(
         positives,

@@ -235,7 +235,8 @@ class Abstract(Group):
     suppression: Share = 0.6
     """Of two negatives, drop the lesser when more than this share of either lies in the other."""
     min_side: PositiveFloat = 2e-3
-    """Cuboids with a shorter side are dropped before cropping."""
+    """Shorter sides of positives are raised to this before cropping, so that sheets without
+    thickness stay; negatives with a shorter side are left out."""
     debris: Share = 0.01
     """Pieces below this share of the total surface area are dropped."""
     jitter: PositiveFloat = 1e-4

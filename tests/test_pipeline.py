@@ -1,0 +1,94 @@
+"""One shape to one abstraction, from cuboids that a network might predict."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from pnabs.geometry.difference import difference_volume
+from pnabs.geometry.fields import compute_fields
+from pnabs.geometry.types import Cuboids, Mesh
+from pnabs.pipeline import Finished, Prediction, Shape, finish, thickened
+from pnabs.settings import Abstract, Difference, Ingest
+
+IDENTITY = [1.0, 0.0, 0.0, 0.0]
+
+
+def boxes(*rows: tuple[list[float], list[float]]) -> Cuboids:
+    return Cuboids.from_vector(np.array([[*scale, *IDENTITY, *place] for scale, place in rows]))
+
+
+@pytest.fixture(scope="module")
+def table() -> Shape:
+    """A top one unit wide on two panel legs, placed far from the origin, two units a side."""
+    parts = [
+        trimesh.creation.box((2, 0.2, 1.2), trimesh.transformations.translation_matrix((0, 0.9, 0)))
+    ]
+    for x in (-0.9, 0.9):
+        place = trimesh.transformations.translation_matrix((x, 0, 0))
+        parts.append(trimesh.creation.box((0.2, 1.8, 1.2), place))
+    mesh = trimesh.util.concatenate(parts)
+    placed = Mesh(mesh.vertices + np.array([5.0, 0, 0]), np.asarray(mesh.faces))
+    options = Ingest(surface_points=4000, interior_points=64)
+    fields = compute_fields(placed, options, "folder", np.random.default_rng(0))
+    return Shape(
+        fields.occupancy, fields.occupancy_64, fields.sdf, fields.surface, fields.transform
+    )
+
+
+def finished(shape: Shape, positives: Cuboids, negatives: Cuboids, **options: bool) -> Finished:
+    volume = difference_volume(positives, shape.occupancy, shape.sdf, Difference())
+    return finish(
+        Prediction(positives, negatives, volume),
+        shape,
+        Abstract(metric_samples=2000, **options),  # type: ignore[arg-type]
+        category="table",
+        model_id="t",
+        rng=np.random.default_rng(1),
+        provenance={},
+    )
+
+
+def test_a_negative_opens_the_space_under_the_table(table: Shape) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    under = boxes(([0.76, 0.82, 0.75], [0.0, -0.1, 0.0]))
+    result = finished(table, block, under)
+    metrics = result.abstraction.metrics
+    assert metrics["negatives_kept"] == 1
+    assert metrics["iou_64"] > 0.85
+    assert metrics["iou_64_positives"] < 0.55
+    assert metrics["open_space"] > 0.9 > 0.1 > metrics["open_space_positives"]
+    assert result.abstraction.check["ok"]
+    mesh = result.abstraction.mesh()
+    np.testing.assert_allclose(mesh.vertices.min(axis=0), [4, -0.9, -0.6], atol=0.03)
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), [6, 1.0, 0.6], atol=0.03)
+
+
+def test_a_negative_in_the_shape_is_discarded(table: Shape) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    result = finished(table, block, boxes(([0.3, 0.3, 0.3], [0.0, 0.4, 0.0])))
+    assert result.abstraction.metrics["discarded_deep"] == 1
+    assert len(result.abstraction.negatives) == 0
+    assert result.abstraction.metrics["iou_64"] == result.abstraction.metrics["iou_64_positives"]
+
+
+def test_a_sheet_without_thickness_stays_and_a_speck_goes(table: Shape) -> None:
+    positives = boxes(([1.0, 0.0, 0.6], [0, 0.45, 0]), ([1e-4, 1e-4, 1e-4], [0, 0, 0]))
+    np.testing.assert_array_equal(
+        thickened(positives, 2e-3).scale, np.array([[1.0, 2e-3, 0.6]], np.float32)
+    )
+    result = finished(table, positives, Cuboids.empty())
+    assert result.abstraction.metrics["positives"] == 1
+    assert result.abstraction.check["ok"]
+    assert len(result.mesh.faces) == 12
+
+
+def test_everything_cropped_away_is_kept_but_marked(table: Shape) -> None:
+    small = boxes(([0.1, 0.1, 0.1], [0.0, 0.0, 0.0]))
+    big = boxes(([0.5, 0.5, 0.5], [0.0, 0.0, 0.0]))
+    result = finished(table, small, big, postprocess=False)
+    assert result.mesh.is_empty
+    assert not result.abstraction.check["ok"]
+    assert result.abstraction.metrics["iou_64"] == 0
+    assert "cd_l1" not in result.abstraction.metrics
