@@ -32,6 +32,8 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class GridCell:
+    """One cell: its text, and the style class that marks it."""
+
     text: str
     style: str = ""
 

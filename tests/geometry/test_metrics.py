@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -221,5 +222,6 @@ def test_the_mesh_is_measured_as_written() -> None:
     assert figures[1]["pieces"] == 1
 
 
-def test_warm_up_runs() -> None:
+def test_warm_up_loads_the_check() -> None:
     metrics.warm_up()
+    assert "pymeshlab" in sys.modules
