@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -237,7 +238,10 @@ def test_edited_models_are_noticed_by_their_content(
     os.utime(mesh, (1, 1))
     other(run, stages=("scan",))  # another time, the same bytes
     text = mesh.read_text()
-    mesh.write_text(text.replace("v ", "v\t", 1))
+    moved = re.sub(r"^(v -?\d+\.\d)(\d)", lambda m: f"{m[1]}{9 - int(m[2])}", text, 1, re.M)
+    assert len(moved) == len(text)
+    assert moved != text
+    mesh.write_text(moved)
     with pytest.raises(RefusedError, match=f"content changed: 1 models .02828884/{folder.name}"):
         other(run)
     other(run, accept=True, stages=("scan", "ingest"))
