@@ -238,7 +238,9 @@ def test_edited_models_are_noticed_by_their_content(
     os.utime(mesh, (1, 1))
     other(run, stages=("scan",))  # another time, the same bytes
     text = mesh.read_text()
-    moved = re.sub(r"^(v -?\d+\.\d)(\d)", lambda m: f"{m[1]}{9 - int(m[2])}", text, 1, re.M)
+    moved = re.sub(
+        r"^(v -?\d+\.\d)(\d)", lambda m: f"{m[1]}{9 - int(m[2])}", text, count=1, flags=re.M
+    )
     assert len(moved) == len(text)
     assert moved != text
     mesh.write_text(moved)
