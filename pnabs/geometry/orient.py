@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.crossing import crossing_counts
+from pnabs.geometry.holes import Caps, close_rims, enclosed_rims
 from pnabs.geometry.types import Bool, Float32, Float64, Int64, Mesh
 from pnabs.geometry.visibility import patch_votes
 from pnabs.geometry.weld import weld
@@ -58,7 +59,7 @@ class OrientedMesh:
         return np.asarray(open_patch[self.patch])
 
 
-def prepare(mesh: Mesh) -> OrientedMesh:
+def prepare(mesh: Mesh, close: bool = True) -> OrientedMesh:
     """Weld a soup and orient its faces.
 
     Two candidates compete: patches turned so that what is seen of them from outside is their
@@ -74,25 +75,50 @@ def prepare(mesh: Mesh) -> OrientedMesh:
     welded = weld(mesh)
     turned, patch = igl.bfs_orient(welded.faces)
     patch = np.asarray(patch, dtype=np.int64).ravel()
-    flip = _patches_to_flip(Mesh(welded.vertices, turned), patch)[patch]
-    seen = np.where(flip[:, None], turned[:, ::-1], turned)
+    oriented = Mesh(welded.vertices, np.ascontiguousarray(turned))
+    given = _same_winding(oriented.faces, welded.faces)
+    caps = close_rims(oriented, patch)
+    inward = _patch_volumes(
+        Mesh(caps.vertices, np.concatenate([oriented.faces, caps.faces])),
+        np.concatenate([patch, caps.patch]),
+    ) < 0
+    enclosed = enclosed_rims(oriented, patch, np.where(inward, -1.0, 1.0), caps)
+    kept = enclosed[caps.rim] if close else np.zeros(len(caps.faces), dtype=bool)
+    whole = np.ones(len(inward), dtype=bool)
+    whole[caps.patch[~kept]] = False
+    flip = inward
+    if not whole.all():
+        joined, owner = _with_caps(oriented, patch, caps, kept)
+        flip = np.where(whole, inward, _patches_to_flip(joined, owner, inward))
+        kept &= (flip == inward)[caps.patch]
+    joined, patch = _with_caps(oriented, patch, caps, kept)
+    seen = np.where(flip[patch][:, None], joined.faces[:, ::-1], joined.faces)
     signs = np.ones((2, len(seen)), dtype=np.int8)
-    signs[1] = _same_winding(seen, welded.faces)
-    _, winding = crossing_counts(Mesh(welded.vertices, seen), signs, JUDGE_RESOLUTION)
-    as_seen, as_given = _residue(winding[0]), _residue(winding[1])
-    keep = as_given <= min(MAX_RESIDUE, as_seen)
-    faces = welded.faces if keep else seen
-    return OrientedMesh(Mesh(welded.vertices, np.ascontiguousarray(faces)), patch)
+    signs[1, : len(given)] = given
+    majority = np.bincount(patch[: len(given)], weights=given, minlength=len(flip)) < 0
+    signs[1, len(given) :] = np.where(majority, -1, 1)[patch[len(given) :]]
+    signs[1] *= np.where(flip, -1, 1).astype(np.int8)[patch]
+    faces = seen
+    if (signs[1] < 0).any():
+        _, winding = crossing_counts(Mesh(joined.vertices, seen), signs, JUDGE_RESOLUTION)
+        as_seen, as_given = _residue(winding[0]), _residue(winding[1])
+        if as_given <= min(MAX_RESIDUE, as_seen):
+            faces = np.where(signs[1][:, None] < 0, seen[:, ::-1], seen)
+    return OrientedMesh(Mesh(joined.vertices, np.ascontiguousarray(faces)), patch)
 
 
-def _patches_to_flip(mesh: Mesh, patch: Int64) -> Bool:
+def _with_caps(mesh: Mesh, patch: Int64, caps: Caps, kept: Bool) -> tuple[Mesh, Int64]:
+    return (
+        Mesh(caps.vertices, np.concatenate([mesh.faces, caps.faces[kept]])),
+        np.concatenate([patch, caps.patch[kept]]),
+    )
+
+
+def _patches_to_flip(mesh: Mesh, patch: Int64, inward: Bool) -> Bool:
     """Patches seen mostly from their back, or, where that is unclear, of negative volume."""
     front, back = patch_votes(mesh, patch).T
-    flip = back > front
     unclear = np.maximum(front, back) <= CLEAR_VOTE * np.minimum(front, back)
-    if unclear.any():
-        flip[unclear] = _patch_volumes(mesh, patch)[unclear] < 0
-    return np.asarray(flip)
+    return np.asarray(np.where(unclear, inward, back > front))
 
 
 def _patch_volumes(mesh: Mesh, patch: Int64) -> Float64:

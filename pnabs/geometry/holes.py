@@ -1,0 +1,301 @@
+"""Holes in a mesh: their rims, the faces that close them, and which of them are worth closing.
+
+A box without its bottom, or a hull with a face torn out, bounds a solid all the same.  Each
+rim is closed by the surface of least area over it, and the cap stays where the mesh around
+it, seen from the cap's inner side, encloses that side: the same majority of half-rays that
+makes a voxel solid.  So a lone sheet, a frame, or a seat folded into a back stay open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pnabs.geometry.kernel import kernel
+from pnabs.geometry.types import GRID_SIDE, Bool, Float64, Int64, Mesh
+
+LONGEST_EXACT = 128
+"""Rims of more edges are closed by a cone about their centroid: least area costs n^3."""
+
+MIN_VOTES = 3
+"""Half-rays, of six, that must meet the mesh from its inside for a point to be enclosed."""
+
+PROBES = 8
+"""Faces of a cap, at most, from which is looked."""
+
+_STEP = 1e-5
+"""How far inward of a cap's face the probe lies, in the normalised frame."""
+
+_SLIVER = 1e-12
+"""Doubled area of a face that closes nothing."""
+
+_BINS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Caps:
+    """Faces that close rims.
+
+    Attributes
+    ----------
+    vertices : (V', 3) float64
+        The mesh's vertices, followed by the centroids of long rims.
+    faces : (C, 3) int64
+        Oriented like the faces around.
+    patch : (C,) int64
+        Patch whose rim each face closes.
+    rim : (C,) int64
+        Rim that each face closes, from 0.
+    free : (rims,) bool
+        Whether an edge of the rim is free.  Where all have two faces or more beyond, patches
+        meet there and nothing is missing.
+    """
+
+    vertices: Float64
+    faces: Int64
+    patch: Int64
+    rim: Int64
+    free: Bool
+
+
+def close_rims(mesh: Mesh, patch: Int64) -> Caps:
+    """Faces over every rim of a consistently oriented mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Welded; faces of a patch are oriented alike.
+    patch : (F,) int64
+        Patch of each face; patches meet at edges of one, or more than two, faces.
+    """
+    twin, single = _twins(mesh.faces, len(mesh.vertices))
+    corners, starts = _rims(mesh.faces.reshape(-1), twin)
+    owner = patch[corners // 3]
+    loop = mesh.faces.reshape(-1)[corners]
+    lengths = np.diff(starts)
+    long = np.flatnonzero(lengths > LONGEST_EXACT)
+    # a rim of n edges is closed by n - 2 faces, or n about a centroid; one of 2 needs none
+    counts = np.where(lengths > LONGEST_EXACT, lengths, np.maximum(lengths - 2, 0))
+    centroids = np.full(len(lengths), -1, dtype=np.int64)
+    centroids[long] = len(mesh.vertices) + np.arange(len(long))
+    vertices = np.concatenate(
+        [mesh.vertices]
+        + [mesh.vertices[loop[starts[r] : starts[r + 1]]].mean(axis=0)[None] for r in long]
+    )
+    faces = np.empty((int(counts.sum()), 3), dtype=np.int64)
+    _close(vertices, loop, starts, centroids, faces)
+    rim = np.repeat(np.arange(len(lengths)), counts)
+    free = np.add.reduceat(single[corners], starts[:-1]) > 0 if len(lengths) else single[:0]
+    # a slit is closed already
+    wide = np.flatnonzero(doubled_areas(vertices[faces]) > _SLIVER)
+    return Caps(vertices, faces[wide], owner[starts[:-1]][rim[wide]], rim[wide], free)
+
+
+def enclosed_rims(mesh: Mesh, patch: Int64, inward: Float64, caps: Caps) -> Bool:
+    """Which rims' caps have the inside of their own patch on their inner side, (rims,) bool.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh without its caps.
+    patch : (F,) int64
+    inward : (patches,) float64
+        -1 where the patch's faces look inward, else 1.
+    caps : Caps
+    """
+    if len(caps.faces) == 0:
+        return np.zeros(0, dtype=bool)
+    count = int(caps.rim[-1]) + 1
+    corners = caps.vertices[caps.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normals, axis=1)
+    # the largest faces of each cap
+    order = np.lexsort((-area, caps.rim))
+    rank = np.arange(len(order)) - np.searchsorted(caps.rim[order], caps.rim[order])
+    order = order[rank < PROBES]
+    side = inward[caps.patch[order]]
+    normals = normals[order] / area[order, None] * side[:, None]
+    points = corners[order].mean(axis=1) - _STEP * normals
+    counts = np.zeros((len(points), 6), dtype=np.int64)
+    for axis in range(3):
+        _cast(mesh, patch, points, caps.patch[order], axis, counts)
+    votes = (counts * side[:, None].astype(np.int64) > 0).sum(axis=1) >= MIN_VOTES
+    rim = caps.rim[order]
+    total = np.bincount(rim, weights=area[order], minlength=count)
+    return np.asarray(
+        np.bincount(rim, weights=area[order] * votes, minlength=count) > 0.5 * total
+    )[:count] & caps.free[:count]
+
+
+def doubled_areas(corners: Float64) -> Float64:
+    """Twice the area of triangles (F, 3, 3), as (F,)."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(np.linalg.norm(normals, axis=1))
+
+
+def _twins(faces: Int64, vertex_count: int) -> tuple[Int64, Bool]:
+    """The other half of each half-edge's edge, (3F,) int64, and which edges are free, (3F,) bool.
+
+    There is none, -1, at free edges and where over two faces meet.
+    """
+    a, b = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
+    key = np.minimum(a, b) * np.int64(vertex_count) + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    ranked = key[order]
+    first = np.flatnonzero(np.concatenate([[True], ranked[1:] != ranked[:-1]]))
+    faces_there = np.diff(np.append(first, len(key)))
+    single = np.zeros(len(key), dtype=bool)
+    single[order[first[faces_there == 1]]] = True
+    pairs = first[faces_there == 2]
+    one, other = order[pairs], order[pairs + 1]
+    opposite = a[one] == b[other]
+    twin = np.full(len(key), -1, dtype=np.int64)
+    twin[one[opposite]], twin[other[opposite]] = other[opposite], one[opposite]
+    return twin, single
+
+
+@kernel
+def _rims(origin: Int64, twin: Int64) -> tuple[Int64, Int64]:
+    """Half-edges without a twin, chained into rims: half-edges, and where each rim starts.
+
+    From the end of one, the faces around that vertex are turned through until the next.
+    """
+    count = 0
+    for h in range(len(twin)):
+        count += twin[h] < 0
+    corners = np.empty(count, dtype=np.int64)
+    starts = np.empty(count + 1, dtype=np.int64)
+    done = np.zeros(len(twin), dtype=np.bool_)
+    filled, rims = 0, 0
+    for begin in range(len(twin)):
+        if twin[begin] >= 0 or done[begin]:
+            continue
+        starts[rims] = filled
+        rims += 1
+        h = begin
+        while not done[h]:
+            done[h] = True
+            corners[filled] = h
+            filled += 1
+            h = h - 2 if h % 3 == 2 else h + 1
+            while twin[h] >= 0:
+                h = twin[h]
+                h = h - 2 if h % 3 == 2 else h + 1
+    starts[rims] = filled
+    return corners, starts[: rims + 1].copy()
+
+
+@kernel
+def _doubled_area(a: Float64, b: Float64, c: Float64) -> float:
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return float(np.sqrt(nx * nx + ny * ny + nz * nz))
+
+
+@kernel
+def _close(
+    vertices: Float64, loop: Int64, starts: Int64, centroids: Int64, faces: Int64
+) -> None:
+    """Triangles over each rim: of least total area (Barequet and Sharir), or a cone."""
+    filled = 0
+    for r in range(len(starts) - 1):
+        rim = loop[starts[r] : starts[r + 1]]
+        n = len(rim)
+        if n < 3:
+            continue
+        if centroids[r] >= 0:
+            for i in range(n):
+                faces[filled, 0] = rim[(i + 1) % n]
+                faces[filled, 1] = rim[i]
+                faces[filled, 2] = centroids[r]
+                filled += 1
+            continue
+        cost = np.zeros((n, n))
+        split = np.zeros((n, n), dtype=np.int64)
+        for span in range(2, n):
+            for i in range(n - span):
+                k = i + span
+                best = np.inf
+                for j in range(i + 1, k):
+                    area = (
+                        cost[i, j]
+                        + cost[j, k]
+                        + _doubled_area(vertices[rim[i]], vertices[rim[j]], vertices[rim[k]])
+                    )
+                    if area < best:
+                        best = area
+                        split[i, k] = j
+                cost[i, k] = best
+        stack = [(0, n - 1)]
+        while len(stack) > 0:
+            i, k = stack.pop()
+            if k - i < 2:
+                continue
+            j = split[i, k]
+            # against the rim's direction, as every face on the other side of an edge
+            faces[filled, 0] = rim[k]
+            faces[filled, 1] = rim[j]
+            faces[filled, 2] = rim[i]
+            filled += 1
+            stack.append((i, j))
+            stack.append((j, k))
+
+
+def _cast(
+    mesh: Mesh, patch: Int64, points: Float64, owner: Int64, axis: int, counts: Int64
+) -> None:
+    """Count signed crossings of the two half-rays along an axis with the points' own patches."""
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    cell = np.floor((points[:, [u, v]] / GRID_SIDE + 0.5) * _BINS).astype(np.int64)
+    key = cell.clip(0, _BINS - 1) @ np.array([_BINS, 1])
+    order = np.argsort(key, kind="stable")
+    starts = np.searchsorted(key[order], np.arange(_BINS * _BINS + 1))
+    _count(mesh.vertices, mesh.faces, patch, points, owner, order, starts, axis, counts)
+
+
+@kernel
+def _count(
+    vertices: Float64,
+    faces: Int64,
+    patch: Int64,
+    points: Float64,
+    owner: Int64,
+    order: Int64,
+    starts: Int64,
+    axis: int,
+    counts: Int64,
+) -> None:
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    wanted = np.zeros(max(patch.max(), owner.max()) + 1, dtype=np.bool_)
+    for p in range(len(owner)):
+        wanted[owner[p]] = True
+    for f in range(len(faces)):
+        if not wanted[patch[f]]:
+            continue
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        low_u, high_u = min(a[u], b[u], c[u]), max(a[u], b[u], c[u])
+        low_v, high_v = min(a[v], b[v], c[v]), max(a[v], b[v], c[v])
+        i_low = min(max(int(np.floor((low_u / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
+        i_high = min(max(int(np.floor((high_u / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
+        j_low = min(max(int(np.floor((low_v / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
+        j_high = min(max(int(np.floor((high_v / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
+        for i in range(i_low, i_high + 1):
+            for place in range(starts[i * _BINS + j_low], starts[i * _BINS + j_high + 1]):
+                p = order[place]
+                pu, pv = points[p, u], points[p, v]
+                if owner[p] != patch[f] or pu < low_u or pu > high_u or pv < low_v or pv > high_v:
+                    continue
+                ea = (c[u] - b[u]) * (pv - b[v]) - (c[v] - b[v]) * (pu - b[u])
+                eb = (a[u] - c[u]) * (pv - c[v]) - (a[v] - c[v]) * (pu - c[u])
+                ec = (b[u] - a[u]) * (pv - a[v]) - (b[v] - a[v]) * (pu - a[u])
+                total = ea + eb + ec
+                if total == 0 or min(ea, eb, ec) < 0 < max(ea, eb, ec):
+                    continue
+                height = (ea * a[axis] + eb * b[axis] + ec * c[axis]) / total
+                # from inside, a ray upward leaves through a front that looks up
+                if height > points[p, axis]:
+                    counts[p, 2 * axis] += 1 if total > 0 else -1
+                elif height < points[p, axis]:
+                    counts[p, 2 * axis + 1] += -1 if total > 0 else 1
