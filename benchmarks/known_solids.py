@@ -79,6 +79,9 @@ def known_solid(name: str, parts: Sequence[Mesh]) -> KnownSolid | None:
     """The model of these parts, or None where one of them isn't closed, or looks inward."""
     solids = []
     for part in parts:
+        # a sheet given twice, back to back, is closed to a mesh library and yet no solid
+        if len(np.unique(np.sort(part.faces, axis=1), axis=0)) < len(part.faces):
+            return None
         try:
             solid = manifold3d.Manifold(
                 manifold3d.Mesh64(part.vertices, part.faces.astype(np.uint64))

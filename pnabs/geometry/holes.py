@@ -69,7 +69,7 @@ def close_rims(mesh: Mesh, patch: Int64) -> Caps:
     patch : (F,) int64
         Patch of each face; patches meet at edges of one, or more than two, faces.
     """
-    twin, single = _twins(mesh.faces, len(mesh.vertices))
+    twin, single = twins(mesh.faces)
     corners, starts = _rims(mesh.faces.reshape(-1), twin)
     owner = patch[corners // 3]
     loop = mesh.faces.reshape(-1)[corners]
@@ -92,16 +92,18 @@ def close_rims(mesh: Mesh, patch: Int64) -> Caps:
     return Caps(vertices, faces[wide], owner[starts[:-1]][rim[wide]], rim[wide], free)
 
 
-def enclosed_rims(mesh: Mesh, patch: Int64, inward: Float64, caps: Caps) -> Bool:
-    """Which rims' caps have the inside of their own patch on their inner side, (rims,) bool.
+def enclosed_faces(mesh: Mesh, patch: Int64, flip: Bool, caps: Caps) -> Bool:
+    """Faces of caps that have the inside of their own patch on their inner side, (C,) bool.
+
+    The cap of a rim is judged as a whole.
 
     Parameters
     ----------
     mesh : Mesh
         The mesh without its caps.
     patch : (F,) int64
-    inward : (patches,) float64
-        -1 where the patch's faces look inward, else 1.
+    flip : (patches,) bool
+        Patches whose faces look inward.
     caps : Caps
     """
     if len(caps.faces) == 0:
@@ -114,7 +116,7 @@ def enclosed_rims(mesh: Mesh, patch: Int64, inward: Float64, caps: Caps) -> Bool
     order = np.lexsort((-area, caps.rim))
     rank = np.arange(len(order)) - np.searchsorted(caps.rim[order], caps.rim[order])
     order = order[rank < PROBES]
-    side = inward[caps.patch[order]]
+    side = np.where(flip[caps.patch[order]], -1.0, 1.0)
     normals = normals[order] / area[order, None] * side[:, None]
     points = corners[order].mean(axis=1) - _STEP * normals
     counts = np.zeros((len(points), 6), dtype=np.int64)
@@ -123,9 +125,8 @@ def enclosed_rims(mesh: Mesh, patch: Int64, inward: Float64, caps: Caps) -> Bool
     votes = (counts * side[:, None].astype(np.int64) > 0).sum(axis=1) >= MIN_VOTES
     rim = caps.rim[order]
     total = np.bincount(rim, weights=area[order], minlength=count)
-    return np.asarray(
-        np.bincount(rim, weights=area[order] * votes, minlength=count) > 0.5 * total
-    )[:count] & caps.free[:count]
+    enclosed = np.bincount(rim, weights=area[order] * votes, minlength=count) > 0.5 * total
+    return np.asarray((enclosed & caps.free[:count])[caps.rim])
 
 
 def doubled_areas(corners: Float64) -> Float64:
@@ -134,13 +135,13 @@ def doubled_areas(corners: Float64) -> Float64:
     return np.asarray(np.linalg.norm(normals, axis=1))
 
 
-def _twins(faces: Int64, vertex_count: int) -> tuple[Int64, Bool]:
+def twins(faces: Int64) -> tuple[Int64, Bool]:
     """The other half of each half-edge's edge, (3F,) int64, and which edges are free, (3F,) bool.
 
     There is none, -1, at free edges and where over two faces meet.
     """
     a, b = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
-    key = np.minimum(a, b) * np.int64(vertex_count) + np.maximum(a, b)
+    key = np.minimum(a, b) * (faces.max() + np.int64(1)) + np.maximum(a, b)
     order = np.argsort(key, kind="stable")
     ranked = key[order]
     first = np.flatnonzero(np.concatenate([[True], ranked[1:] != ranked[:-1]]))

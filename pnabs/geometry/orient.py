@@ -6,22 +6,25 @@ from dataclasses import dataclass
 
 import igl
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from numpy.typing import NDArray
 
-from pnabs.geometry.crossing import crossing_counts
-from pnabs.geometry.holes import Caps, close_rims, enclosed_rims
-from pnabs.geometry.types import Bool, Float32, Float64, Int64, Mesh
+from pnabs.geometry.columns import disorder, settle, trace
+from pnabs.geometry.holes import Caps, close_rims, enclosed_faces, twins, doubled_areas
+from pnabs.geometry.types import Bool, Float64, Int64, Mesh
 from pnabs.geometry.visibility import patch_votes
 from pnabs.geometry.weld import weld
 
 CLEAR_VOTE = 1.5
 """A patch is turned by what is seen of it only if one side is seen so many times as often."""
 
+CUT = 0.5
 JUDGE_RESOLUTION = 32
 """Grid on which the two candidate orientations are compared."""
 
-MAX_RESIDUE = 0.2
-"""The file's own orientation stands only if its winding numbers are this close to integers."""
+TOLERANCE = 1e-6
+"""Disorder that rounding alone can make."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,37 +76,31 @@ def prepare(mesh: Mesh, close: bool = True) -> OrientedMesh:
         In the normalised frame, at least one face of non-zero area.
     """
     welded = weld(mesh)
-    turned, patch = igl.bfs_orient(welded.faces)
-    patch = np.asarray(patch, dtype=np.int64).ravel()
-    oriented = Mesh(welded.vertices, np.ascontiguousarray(turned))
-    given = _same_winding(oriented.faces, welded.faces)
+    turned, patch = _patches(welded.faces)
+    oriented = Mesh(welded.vertices, turned)
+    given = _same_winding(turned, welded.faces)
     caps = close_rims(oriented, patch)
-    inward = _patch_volumes(
-        Mesh(caps.vertices, np.concatenate([oriented.faces, caps.faces])),
-        np.concatenate([patch, caps.patch]),
-    ) < 0
-    enclosed = enclosed_rims(oriented, patch, np.where(inward, -1.0, 1.0), caps)
-    kept = enclosed[caps.rim] if close else np.zeros(len(caps.faces), dtype=bool)
-    whole = np.ones(len(inward), dtype=bool)
-    whole[caps.patch[~kept]] = False
-    flip = inward
-    if not whole.all():
-        joined, owner = _with_caps(oriented, patch, caps, kept)
-        flip = np.where(whole, inward, _patches_to_flip(joined, owner, inward))
-        kept &= (flip == inward)[caps.patch]
+    sealed = Mesh(caps.vertices, np.concatenate([turned, caps.faces]))
+    owner = np.concatenate([patch, caps.patch])
+    flip = _patch_volumes(sealed, owner) < 0
+    kept = enclosed_faces(oriented, patch, flip, caps)
+    unclosed = np.zeros(len(flip), dtype=bool)
+    unclosed[caps.patch[~kept]] = True
+    if unclosed.any():
+        sure = kept & ~unclosed[caps.patch]
+        flip = np.where(unclosed, _seen_backs(*_with_caps(oriented, patch, caps, sure), flip), flip)
+        kept = enclosed_faces(oriented, patch, flip, caps)
+    if not close:
+        kept[:] = False
     joined, patch = _with_caps(oriented, patch, caps, kept)
-    seen = np.where(flip[patch][:, None], joined.faces[:, ::-1], joined.faces)
-    signs = np.ones((2, len(seen)), dtype=np.int8)
-    signs[1, : len(given)] = given
+    columns = trace(joined, JUDGE_RESOLUTION)
+    flip = settle(columns, patch, flip)
+    seen = np.where(flip, -1, 1).astype(np.int8)[patch]
     majority = np.bincount(patch[: len(given)], weights=given, minlength=len(flip)) < 0
-    signs[1, len(given) :] = np.where(majority, -1, 1)[patch[len(given) :]]
-    signs[1] *= np.where(flip, -1, 1).astype(np.int8)[patch]
-    faces = seen
-    if (signs[1] < 0).any():
-        _, winding = crossing_counts(Mesh(joined.vertices, seen), signs, JUDGE_RESOLUTION)
-        as_seen, as_given = _residue(winding[0]), _residue(winding[1])
-        if as_given <= min(MAX_RESIDUE, as_seen):
-            faces = np.where(signs[1][:, None] < 0, seen[:, ::-1], seen)
+    given = np.concatenate([given, np.where(majority, -1, 1)[patch[len(given) :]]]).astype(np.int8)
+    if disorder(columns, given) <= disorder(columns, seen) + TOLERANCE:
+        seen = given
+    faces = np.where(seen[:, None] < 0, joined.faces[:, ::-1], joined.faces)
     return OrientedMesh(Mesh(joined.vertices, np.ascontiguousarray(faces)), patch)
 
 
@@ -114,11 +111,38 @@ def _with_caps(mesh: Mesh, patch: Int64, caps: Caps, kept: Bool) -> tuple[Mesh, 
     )
 
 
-def _patches_to_flip(mesh: Mesh, patch: Int64, inward: Bool) -> Bool:
-    """Patches seen mostly from their back, or, where that is unclear, of negative volume."""
+def _patches(faces: Int64) -> tuple[Int64, Int64]:
+    """Faces oriented alike in patches, and the patch of each face.
+
+    Patches end where an edge has one face or more than two.  Where touching parts were welded
+    and one lost a face, an edge can join what doesn't belong together, and the file's own
+    orientation tells: where it is consistent but for few edges, patches end there as well.
+    """
+    turned, patch = igl.bfs_orient(faces)
+    turned = np.ascontiguousarray(turned)
+    patch = np.asarray(patch, dtype=np.int64).ravel()
+    given = _same_winding(turned, faces)
+    count = int(patch.max()) + 1
+    minority = np.bincount(patch, given > 0, count), np.bincount(patch, given < 0, count)
+    minority = np.minimum(*minority)
+    if not minority.any():
+        return turned, patch
+    twin, _ = twins(turned)
+    half = np.flatnonzero(twin >= 0)
+    face, other = half // 3, twin[half] // 3
+    agree = given[face] == given[other]
+    torn = np.bincount(patch[face], ~agree, count) / 2
+    cut = (torn < CUT * minority) 
+    joined = agree | ~cut[patch[face]]
+    graph = coo_array((joined[joined], (face[joined], other[joined])), shape=(len(faces),) * 2)
+    return turned, connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def _seen_backs(mesh: Mesh, patch: Int64, otherwise: Bool) -> Bool:
+    """Patches of which mostly backs are seen, and where that is unclear those given."""
     front, back = patch_votes(mesh, patch).T
     unclear = np.maximum(front, back) <= CLEAR_VOTE * np.minimum(front, back)
-    return np.asarray(np.where(unclear, inward, back > front))
+    return np.asarray(np.where(unclear, otherwise, back > front))
 
 
 def _patch_volumes(mesh: Mesh, patch: Int64) -> Float64:
@@ -137,11 +161,3 @@ def _same_winding(faces: Int64, others: Int64) -> NDArray[np.int8]:
     start = np.argmax(others == faces[:, :1], axis=1)
     following = others[np.arange(len(others)), (start + 1) % 3]
     return np.where(following == faces[:, 1], 1, -1).astype(np.int8)
-
-
-def _residue(winding: Float32) -> float:
-    """How far winding numbers are from whole ones, from 0 up; inf where nothing is enclosed."""
-    enclosed = winding[np.abs(winding) > 0.2]
-    if len(enclosed) == 0:
-        return float("inf")
-    return float(np.abs(enclosed - np.maximum(np.rint(enclosed), 0)).mean())

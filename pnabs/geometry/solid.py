@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy import ndimage
 
-from pnabs.geometry.crossing import crossing_counts
+from pnabs.geometry.columns import inside_votes, trace
 from pnabs.geometry.orient import OrientedMesh
 from pnabs.geometry.shell import surface_cells
 from pnabs.geometry.types import Bool
@@ -60,9 +60,8 @@ def voxelise_parts(prepared: OrientedMesh, resolution: int, open: Open = "fill")
         Whether what an open tube or shade surrounds is solid.  With "shell", cells that the
         outside reaches without passing a cell of the surface are not, whatever the rays say.
     """
-    signs = np.ones((1, len(prepared.mesh.faces)), dtype=np.int8)
-    votes, _ = crossing_counts(prepared.mesh, signs, resolution)
-    core = votes[0] >= MIN_VOTES
+    signs = np.ones(len(prepared.mesh.faces), dtype=np.int8)
+    core = inside_votes(trace(prepared.mesh, resolution), signs) >= MIN_VOTES
     surface = surface_cells(prepared.mesh, resolution)
     if open == "shell":
         core &= ~_outside(surface)

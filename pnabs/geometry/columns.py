@@ -1,0 +1,344 @@
+"""Where the columns of the grid pierce a mesh: what insides and orientations are judged by.
+
+Along each axis, every column of cell centres is a line; a face met from its front adds one
+to all that lies behind it, from its back subtracts one.  Seen from either end of a line
+this gives six signed counts a point, a coarse sample of the generalised winding number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnabs.geometry.kernel import kernel
+from pnabs.geometry.types import GRID_SIDE, Float64, Int64, Mesh
+
+LINE_OFFSET = (1.3e-7, 2.9e-7)
+"""Lines are moved sideways by this, so that none runs along an edge of a modelled box."""
+
+MIN_GAIN = 0.6
+"""Share of the disorder on its lines that turning a patch over must take away: where a face
+is missing, there is always some."""
+
+MAX_WORK = 20_000_000
+"""Hits looked at, at most, in a search for better orientations."""
+
+Signs = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """The hits of all lines with a mesh, by line and height.
+
+    Attributes
+    ----------
+    resolution : int
+        Lines along a side of the grid, G.
+    starts : (3 G^2 + 1,) int64
+        First hit of each line; the line through cells (i, j) of the two axes after `axis`,
+        in cyclic order, is number (axis G + i) G + j.
+    height : (H,) float64
+        Coordinate along the line, ascending on each.
+    face : (H,) int64
+    front : (H,) int8
+        1 where the line enters the solid if the face is oriented as in the mesh, else -1.
+    """
+
+    resolution: int
+    starts: Int64
+    height: Float64
+    face: Int64
+    front: Signs
+
+
+def trace(mesh: Mesh, resolution: int) -> Columns:
+    """Intersect all lines with a mesh in the normalised frame."""
+    line, height, face, front = _trace(
+        mesh.vertices, mesh.faces, resolution, GRID_SIDE / resolution, *LINE_OFFSET
+    )
+    starts, order = _sort(line, height, 3 * resolution * resolution)
+    return Columns(resolution, starts, height[order], face[order], front[order])
+
+
+def inside_votes(columns: Columns, signs: Signs) -> NDArray[np.int8]:
+    """How many of six half-lines from each cell centre say inside, (G, G, G) int8.
+
+    Parameters
+    ----------
+    columns : Columns
+    signs : (F,) int8
+        -1 for faces that are taken turned over.
+    """
+    votes = np.zeros((columns.resolution,) * 3, dtype=np.int8)
+    _vote(columns.starts, columns.height, columns.face, columns.front, signs, votes)
+    return votes
+
+
+def disorder(columns: Columns, signs: Signs) -> float:
+    """Length of line, over all lines, that is less than outside, seen from either end.
+
+    It is 0 if the faces bound solids and all look outward, overlap as they may.
+
+    Parameters
+    ----------
+    columns : Columns
+    signs : (F,) int8
+        -1 for faces that are taken turned over.
+    """
+    cost = np.empty(len(columns.starts) - 1)
+    _costs(columns.starts, columns.height, columns.face, columns.front, signs, cost)
+    return float(cost.sum())
+
+
+def settle(columns: Columns, patch: Int64, flip: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Turn patches over, one at a time, for as long as that lessens the `disorder`.
+
+    Parameters
+    ----------
+    columns : Columns
+    patch : (F,) int64
+        Patch of each face.
+    flip : (patches,) bool
+        Patches to turn over, to begin with.
+
+    Returns
+    -------
+    (patches,) bool
+    """
+    line = np.repeat(np.arange(len(columns.starts) - 1), np.diff(columns.starts))
+    owner = patch[columns.face]
+    pair = np.unique(owner * np.int64(len(columns.starts)) + line)
+    first = np.searchsorted(pair, np.arange(len(flip) + 1) * np.int64(len(columns.starts)))
+    lines = pair % len(columns.starts)
+    turned = np.where(flip, -1, 1).astype(np.int8)
+    _settle(columns.starts, columns.height, owner, columns.front, first, lines, turned, MIN_GAIN, MAX_WORK)
+    return turned < 0
+
+
+@kernel
+def _side(vertices: Float64, a: int, b: int, u: int, v: int, pu: float, pv: float) -> float:
+    """Twice the signed area of edge and point in the (u, v) plane.
+
+    Always evaluated from the lower to the higher vertex index, so that the two faces at an
+    edge see the same number.
+    """
+    low, high = min(a, b), max(a, b)
+    lu, lv = vertices[low, u], vertices[low, v]
+    value: float = (vertices[high, u] - lu) * (pv - lv) - (vertices[high, v] - lv) * (pu - lu)
+    return value if a < b else -value
+
+
+@kernel
+def _left(value: float, vertices: Float64, a: int, b: int, u: int, v: int) -> bool:
+    """Whether a point lies left of the edge a -> b.
+
+    A point on the edge is decided as if it were moved by an infinitesimal step along u and
+    a yet smaller one along v.  As that is one move for all edges, a line through a vertex
+    is no exception.
+    """
+    if value != 0:
+        return value > 0
+    dv: float = vertices[b, v] - vertices[a, v]
+    return dv < 0 or (dv == 0 and vertices[b, u] > vertices[a, u])
+
+
+@kernel
+def _trace(
+    vertices: Float64, faces: Int64, cells: int, step: float, offset_u: float, offset_v: float
+) -> tuple[Int64, Float64, Int64, Signs]:
+    """Line, height, face and direction of every hit, by face."""
+    first = 0.5 * step - 0.5 * step * cells
+    space = 4 * len(faces) + 1024
+    line = np.empty(space, dtype=np.int64)
+    height = np.empty(space)
+    face = np.empty(space, dtype=np.int64)
+    front = np.empty(space, dtype=np.int8)
+    count = 0
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        for axis in range(3):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            u0, u1, u2 = vertices[a, u], vertices[b, u], vertices[c, u]
+            v0, v1, v2 = vertices[a, v], vertices[b, v], vertices[c, v]
+            i_low = max(0, int(np.ceil((min(u0, u1, u2) - offset_u - first) / step)))
+            i_high = min(cells - 1, int(np.floor((max(u0, u1, u2) - offset_u - first) / step)))
+            if i_low > i_high:
+                continue
+            j_low = max(0, int(np.ceil((min(v0, v1, v2) - offset_v - first) / step)))
+            j_high = min(cells - 1, int(np.floor((max(v0, v1, v2) - offset_v - first) / step)))
+            if j_low > j_high:
+                continue
+            most = count + (i_high - i_low + 1) * (j_high - j_low + 1)
+            if most > space:
+                grown = 2 * most
+                line = np.concatenate((line, np.empty(grown - space, dtype=np.int64)))
+                height = np.concatenate((height, np.empty(grown - space)))
+                face = np.concatenate((face, np.empty(grown - space, dtype=np.int64)))
+                front = np.concatenate((front, np.empty(grown - space, dtype=np.int8)))
+                space = grown
+            z0, z1, z2 = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+            for i in range(i_low, i_high + 1):
+                pu = first + i * step + offset_u
+                for j in range(j_low, j_high + 1):
+                    pv = first + j * step + offset_v
+                    ea = _side(vertices, b, c, u, v, pu, pv)
+                    eb = _side(vertices, c, a, u, v, pu, pv)
+                    ec = _side(vertices, a, b, u, v, pu, pv)
+                    left = _left(ea, vertices, b, c, u, v)
+                    if _left(eb, vertices, c, a, u, v) != left:
+                        continue
+                    if _left(ec, vertices, a, b, u, v) != left:
+                        continue
+                    total = ea + eb + ec
+                    z = (ea * z0 + eb * z1 + ec * z2) / total if total != 0 else z0
+                    line[count] = (axis * cells + i) * cells + j
+                    height[count] = min(max(z, min(z0, z1, z2)), max(z0, z1, z2))
+                    face[count] = f
+                    # counter-clockwise from above: the front looks up the line, which leaves
+                    front[count] = -1 if left else 1
+                    count += 1
+    return line[:count], height[:count], face[:count], front[:count]
+
+
+@kernel
+def _sort(line: Int64, height: Float64, lines: int) -> tuple[Int64, Int64]:
+    """Where each line's hits start, and the hits' order by line and height."""
+    starts = np.zeros(lines + 1, dtype=np.int64)
+    for h in range(len(line)):
+        starts[line[h] + 1] += 1
+    for i in range(lines):
+        starts[i + 1] += starts[i]
+    order = np.empty(len(line), dtype=np.int64)
+    filled = starts[:-1].copy()
+    for h in range(len(line)):
+        order[filled[line[h]]] = h
+        filled[line[h]] += 1
+    for i in range(lines):
+        low, high = starts[i], starts[i + 1]
+        if high - low > 32:
+            own = order[low:high].copy()
+            order[low:high] = own[np.argsort(height[own], kind="mergesort")]
+            continue
+        for place in range(low + 1, high):
+            h = order[place]
+            gap = place
+            while gap > low and height[order[gap - 1]] > height[h]:
+                order[gap] = order[gap - 1]
+                gap -= 1
+            order[gap] = h
+    return starts, order
+
+
+@kernel
+def _vote(
+    starts: Int64,
+    height: Float64,
+    face: Int64,
+    front: Signs,
+    signs: Signs,
+    votes: NDArray[np.int8],
+) -> None:
+    """Cumulate each line from both ends."""
+    cells = votes.shape[0]
+    step = GRID_SIDE / cells
+    first = 0.5 * step - 0.5 * step * cells
+    for axis in range(3):
+        for i in range(cells):
+            for j in range(cells):
+                number = (axis * cells + i) * cells + j
+                low, high = starts[number], starts[number + 1]
+                if low == high:
+                    continue
+                whole = 0
+                for h in range(low, high):
+                    whole += front[h] * signs[face[h]]
+                below = 0
+                h = low
+                for k in range(cells):
+                    z = first + k * step
+                    while h < high and height[h] <= z:
+                        below += front[h] * signs[face[h]]
+                        h += 1
+                    said = (below > 0) + (below > whole)
+                    if said == 0:
+                        continue
+                    if axis == 0:
+                        votes[k, i, j] += said
+                    elif axis == 1:
+                        votes[j, k, i] += said
+                    else:
+                        votes[i, j, k] += said
+
+
+@kernel
+def _cost(
+    height: Float64, owner: Int64, front: Signs, signs: Signs, low: int, high: int, flipped: int
+) -> float:
+    """Length of one line that is less than outside, with one more owner turned over."""
+    whole = 0
+    for h in range(low, high):
+        sign = front[h] * signs[owner[h]]
+        whole += -sign if owner[h] == flipped else sign
+    cost = 0.0
+    below = 0
+    last = -GRID_SIDE / 2
+    for h in range(low, high + 1):
+        end = height[h] if h < high else GRID_SIDE / 2
+        cost += (end - last) * (max(0, -below) + max(0, whole - below))
+        last = end
+        if h < high:
+            sign = front[h] * signs[owner[h]]
+            below += -sign if owner[h] == flipped else sign
+    return cost
+
+
+@kernel
+def _costs(
+    starts: Int64, height: Float64, owner: Int64, front: Signs, signs: Signs, cost: Float64
+) -> None:
+    for i in range(len(cost)):
+        cost[i] = 0.0
+        if starts[i + 1] > starts[i]:
+            cost[i] = _cost(height, owner, front, signs, starts[i], starts[i + 1], -1)
+
+
+@kernel
+def _settle(
+    starts: Int64,
+    height: Float64,
+    owner: Int64,
+    front: Signs,
+    first: Int64,
+    lines: Int64,
+    signs: Signs,
+    gain: float,
+    work: int,
+) -> None:
+    """Coordinate descent over patches, those on most lines first."""
+    cost = np.empty(len(starts) - 1)
+    _costs(starts, height, owner, front, signs, cost)
+    order = np.argsort(first[:-1] - first[1:], kind="mergesort")
+    better = True
+    while better and work > 0:
+        better = False
+        for p in order:
+            change, stake = 0.0, 0.0
+            for place in range(first[p], first[p + 1]):
+                stake += cost[lines[place]]
+            if stake <= 1e-9:
+                continue
+            for place in range(first[p], first[p + 1]):
+                i = lines[place]
+                change -= cost[i]
+                change += _cost(height, owner, front, signs, starts[i], starts[i + 1], p)
+                work -= starts[i + 1] - starts[i]
+            if change < -max(gain * stake, 1e-9):
+                better = True
+                signs[p] = -signs[p]
+                for place in range(first[p], first[p + 1]):
+                    i = lines[place]
+                    cost[i] = _cost(height, owner, front, signs, starts[i], starts[i + 1], -1)
+            if work <= 0:
+                break
