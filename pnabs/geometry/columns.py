@@ -18,9 +18,12 @@ from pnabs.geometry.types import GRID_SIDE, Float64, Int64, Mesh
 LINE_OFFSET = (1.3e-7, 2.9e-7)
 """Lines are moved sideways by this, so that none runs along an edge of a modelled box."""
 
-MIN_GAIN = 0.6
-"""Share of the disorder on its lines that turning a patch over must take away: where a face
-is missing, there is always some."""
+MIN_GAIN = 0.5
+"""Share of the disorder on a patch's lines that turning the patch over must take away."""
+
+MIN_GAIN_OWN = 0.1
+"""And what it must take away as a share of the length of line that the patch holds: where faces
+are missing there is always some disorder to be had."""
 
 MAX_WORK = 20_000_000
 """Hits looked at, at most, in a search for better orientations."""
@@ -92,8 +95,10 @@ def disorder(columns: Columns, signs: Signs) -> float:
     return float(cost.sum())
 
 
-def settle(columns: Columns, patch: Int64, flip: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Turn patches over, one at a time, for as long as that lessens the `disorder`.
+def settle(
+    columns: Columns, patch: Int64, flip: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], float]:
+    """Turn patches over, one at a time, where that lessens the `disorder` by a good deal.
 
     Parameters
     ----------
@@ -105,16 +110,35 @@ def settle(columns: Columns, patch: Int64, flip: NDArray[np.bool_]) -> NDArray[n
 
     Returns
     -------
-    (patches,) bool
+    flip : (patches,) bool
+    extent : float
+        Length of line that the patches, each on its own, can be said to hold.
     """
-    line = np.repeat(np.arange(len(columns.starts) - 1), np.diff(columns.starts))
+    lines_and_one = np.int64(len(columns.starts))
+    line = np.repeat(np.arange(lines_and_one - 1), np.diff(columns.starts))
     owner = patch[columns.face]
-    pair = np.unique(owner * np.int64(len(columns.starts)) + line)
-    first = np.searchsorted(pair, np.arange(len(flip) + 1) * np.int64(len(columns.starts)))
-    lines = pair % len(columns.starts)
-    turned = np.where(flip, -1, 1).astype(np.int8)
-    _settle(columns.starts, columns.height, owner, columns.front, first, lines, turned, MIN_GAIN, MAX_WORK)
-    return turned < 0
+    # the patches' own hits, by patch and line, in the order of height
+    key = owner * lines_and_one + line
+    order = np.argsort(key, kind="stable")
+    pairs, begin = np.unique(key[order], return_index=True)
+    first = np.searchsorted(pairs, np.arange(len(flip) + 1) * lines_and_one)
+    signs = np.where(flip, -1, 1).astype(np.int8)
+    own = np.zeros(len(flip))
+    _own_lengths(
+        columns.height[order], columns.front[order], np.append(begin, len(key)), first, own
+    )
+    _settle(
+        columns.starts,
+        columns.height,
+        owner,
+        columns.front,
+        first,
+        pairs % lines_and_one,
+        signs,
+        own,
+        MAX_WORK,
+    )
+    return signs < 0, float(own.sum())
 
 
 @kernel
@@ -305,6 +329,30 @@ def _costs(
 
 
 @kernel
+def _own_lengths(
+    height: Float64, front: Signs, begin: Int64, first: Int64, own: Float64
+) -> None:
+    """Disorder of each patch alone, taken the worse way round."""
+    for p in range(len(own)):
+        upright, turned = 0.0, 0.0
+        for pair in range(first[p], first[p + 1]):
+            low, high = begin[pair], begin[pair + 1]
+            whole = 0
+            for h in range(low, high):
+                whole += front[h]
+            below = 0
+            last = -GRID_SIDE / 2
+            for h in range(low, high + 1):
+                end = height[h] if h < high else GRID_SIDE / 2
+                upright += (end - last) * (max(0, -below) + max(0, whole - below))
+                turned += (end - last) * (max(0, below) + max(0, below - whole))
+                last = end
+                if h < high:
+                    below += front[h]
+        own[p] = max(upright, turned)
+
+
+@kernel
 def _settle(
     starts: Int64,
     height: Float64,
@@ -313,7 +361,7 @@ def _settle(
     first: Int64,
     lines: Int64,
     signs: Signs,
-    gain: float,
+    own: Float64,
     work: int,
 ) -> None:
     """Coordinate descent over patches, those on most lines first."""
@@ -334,7 +382,7 @@ def _settle(
                 change -= cost[i]
                 change += _cost(height, owner, front, signs, starts[i], starts[i + 1], p)
                 work -= starts[i + 1] - starts[i]
-            if change < -max(gain * stake, 1e-9):
+            if change < -max(MIN_GAIN * stake, MIN_GAIN_OWN * own[p], 1e-9):
                 better = True
                 signs[p] = -signs[p]
                 for place in range(first[p], first[p + 1]):

@@ -92,7 +92,9 @@ def close_rims(mesh: Mesh, patch: Int64) -> Caps:
     return Caps(vertices, faces[wide], owner[starts[:-1]][rim[wide]], rim[wide], free)
 
 
-def enclosed_faces(mesh: Mesh, patch: Int64, flip: Bool, caps: Caps) -> Bool:
+def enclosed_faces(
+    mesh: Mesh, patch: Int64, flip: Bool, caps: Caps, among_all: bool = False
+) -> Bool:
     """Faces of caps that have the inside of their own patch on their inner side, (C,) bool.
 
     The cap of a rim is judged as a whole.
@@ -105,6 +107,8 @@ def enclosed_faces(mesh: Mesh, patch: Int64, flip: Bool, caps: Caps) -> Bool:
     flip : (patches,) bool
         Patches whose faces look inward.
     caps : Caps
+    among_all : bool
+        Whether the mesh as a whole must have its inside there too.
     """
     if len(caps.faces) == 0:
         return np.zeros(0, dtype=bool)
@@ -119,10 +123,12 @@ def enclosed_faces(mesh: Mesh, patch: Int64, flip: Bool, caps: Caps) -> Bool:
     side = np.where(flip[caps.patch[order]], -1.0, 1.0)
     normals = normals[order] / area[order, None] * side[:, None]
     points = corners[order].mean(axis=1) - _STEP * normals
-    counts = np.zeros((len(points), 6), dtype=np.int64)
+    counts = np.zeros((2, len(points), 6), dtype=np.int64)
+    signs = np.where(flip, -1, 1)
     for axis in range(3):
-        _cast(mesh, patch, points, caps.patch[order], axis, counts)
-    votes = (counts * side[:, None].astype(np.int64) > 0).sum(axis=1) >= MIN_VOTES
+        _cast(mesh, patch, signs, points, caps.patch[order], axis, counts)
+    votes = (counts > 0).sum(axis=2) >= MIN_VOTES
+    votes = votes.all(axis=0) if among_all else votes[0]
     rim = caps.rim[order]
     total = np.bincount(rim, weights=area[order], minlength=count)
     enclosed = np.bincount(rim, weights=area[order] * votes, minlength=count) > 0.5 * total
@@ -245,15 +251,21 @@ def _close(
 
 
 def _cast(
-    mesh: Mesh, patch: Int64, points: Float64, owner: Int64, axis: int, counts: Int64
+    mesh: Mesh,
+    patch: Int64,
+    signs: Int64,
+    points: Float64,
+    owner: Int64,
+    axis: int,
+    counts: Int64,
 ) -> None:
-    """Count signed crossings of the two half-rays along an axis with the points' own patches."""
+    """Count signed crossings of the two half-rays along an axis: own patches', and all."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     cell = np.floor((points[:, [u, v]] / GRID_SIDE + 0.5) * _BINS).astype(np.int64)
     key = cell.clip(0, _BINS - 1) @ np.array([_BINS, 1])
     order = np.argsort(key, kind="stable")
     starts = np.searchsorted(key[order], np.arange(_BINS * _BINS + 1))
-    _count(mesh.vertices, mesh.faces, patch, points, owner, order, starts, axis, counts)
+    _count(mesh.vertices, mesh.faces, patch, signs, points, owner, order, starts, axis, counts)
 
 
 @kernel
@@ -261,6 +273,7 @@ def _count(
     vertices: Float64,
     faces: Int64,
     patch: Int64,
+    signs: Int64,
     points: Float64,
     owner: Int64,
     order: Int64,
@@ -269,12 +282,7 @@ def _count(
     counts: Int64,
 ) -> None:
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    wanted = np.zeros(max(patch.max(), owner.max()) + 1, dtype=np.bool_)
-    for p in range(len(owner)):
-        wanted[owner[p]] = True
     for f in range(len(faces)):
-        if not wanted[patch[f]]:
-            continue
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         low_u, high_u = min(a[u], b[u], c[u]), max(a[u], b[u], c[u])
         low_v, high_v = min(a[v], b[v], c[v]), max(a[v], b[v], c[v])
@@ -286,7 +294,7 @@ def _count(
             for place in range(starts[i * _BINS + j_low], starts[i * _BINS + j_high + 1]):
                 p = order[place]
                 pu, pv = points[p, u], points[p, v]
-                if owner[p] != patch[f] or pu < low_u or pu > high_u or pv < low_v or pv > high_v:
+                if pu < low_u or pu > high_u or pv < low_v or pv > high_v:
                     continue
                 ea = (c[u] - b[u]) * (pv - b[v]) - (c[v] - b[v]) * (pu - b[u])
                 eb = (a[u] - c[u]) * (pv - c[v]) - (a[v] - c[v]) * (pu - c[u])
@@ -296,7 +304,12 @@ def _count(
                     continue
                 height = (ea * a[axis] + eb * b[axis] + ec * c[axis]) / total
                 # from inside, a ray upward leaves through a front that looks up
+                upward = signs[patch[f]] if total > 0 else -signs[patch[f]]
                 if height > points[p, axis]:
-                    counts[p, 2 * axis] += 1 if total > 0 else -1
+                    counts[1, p, 2 * axis] += upward
+                    if owner[p] == patch[f]:
+                        counts[0, p, 2 * axis] += upward
                 elif height < points[p, axis]:
-                    counts[p, 2 * axis + 1] += -1 if total > 0 else 1
+                    counts[1, p, 2 * axis + 1] -= upward
+                    if owner[p] == patch[f]:
+                        counts[0, p, 2 * axis + 1] -= upward

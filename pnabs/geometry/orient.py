@@ -23,8 +23,9 @@ CUT = 0.5
 JUDGE_RESOLUTION = 32
 """Grid on which the two candidate orientations are compared."""
 
-TOLERANCE = 1e-6
-"""Disorder that rounding alone can make."""
+TOLERANCE = 0.02
+"""The file's own orientation stands if its disorder is at most this share of the length of line
+inside the patches more than that of the orientation found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +91,25 @@ def prepare(mesh: Mesh, close: bool = True) -> OrientedMesh:
         sure = kept & ~unclosed[caps.patch]
         flip = np.where(unclosed, _seen_backs(*_with_caps(oriented, patch, caps, sure), flip), flip)
         kept = enclosed_faces(oriented, patch, flip, caps)
-    if not close:
-        kept[:] = False
-    joined, patch = _with_caps(oriented, patch, caps, kept)
+    joined, owner = _with_caps(oriented, patch, caps, kept)
     columns = trace(joined, JUDGE_RESOLUTION)
-    flip = settle(columns, patch, flip)
-    seen = np.where(flip, -1, 1).astype(np.int8)[patch]
-    majority = np.bincount(patch[: len(given)], weights=given, minlength=len(flip)) < 0
-    given = np.concatenate([given, np.where(majority, -1, 1)[patch[len(given) :]]]).astype(np.int8)
-    if disorder(columns, given) <= disorder(columns, seen) + TOLERANCE:
-        seen = given
-    faces = np.where(seen[:, None] < 0, joined.faces[:, ::-1], joined.faces)
-    return OrientedMesh(Mesh(joined.vertices, np.ascontiguousarray(faces)), patch)
+    flip, extent = settle(columns, owner, flip)
+    seen = _signs(flip, owner)
+    as_given = np.bincount(patch, given) < 0
+    signs = _signs(as_given, owner)
+    signs[: len(given)] = given
+    if disorder(columns, signs) <= disorder(columns, seen) + TOLERANCE * extent:
+        flip, _ = settle(columns, owner, as_given)
+        seen = np.where((flip == as_given)[owner], signs, _signs(flip, owner))
+    kept = enclosed_faces(oriented, patch, flip, caps, among_all=True) & close
+    joined, owner = _with_caps(oriented, patch, caps, kept)
+    signs = np.concatenate([seen[: len(patch)], _signs(flip, caps.patch[kept])])
+    faces = np.where(signs[:, None] < 0, joined.faces[:, ::-1], joined.faces)
+    return OrientedMesh(Mesh(joined.vertices, np.ascontiguousarray(faces)), owner)
+
+
+def _signs(flip: Bool, patch: Int64) -> NDArray[np.int8]:
+    return np.where(flip, -1, 1).astype(np.int8)[patch]
 
 
 def _with_caps(mesh: Mesh, patch: Int64, caps: Caps, kept: Bool) -> tuple[Mesh, Int64]:
