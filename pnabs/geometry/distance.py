@@ -61,10 +61,10 @@ def _nearest(prepared: OrientedMesh, resolution: int) -> tuple[Float64, Float64]
     squared = np.full((resolution, resolution, resolution), np.inf)
     nearest = np.full((resolution, resolution, resolution), -1, dtype=np.int64)
     point = np.zeros((resolution, resolution, resolution, 3))
-    _band(triangles, prepared.normals, squared, nearest, cell, THETA_D + cell)
-    _sweep(triangles, squared, nearest, cell)
-    _locate(triangles, nearest, point, cell)
-    return np.sqrt(squared), point
+    _band(triangles, prepared.normals, squared, nearest, point, cell, THETA_D + cell)
+    distance = np.sqrt(squared)
+    _spread(triangles, distance, nearest, point, cell, THETA_D + cell)
+    return distance, point
 
 
 @kernel
@@ -121,6 +121,7 @@ def _band(
     normals: Float64,
     squared: Float64,
     nearest: Int64,
+    point: Float64,
     cell: float,
     width: float,
 ) -> None:
@@ -161,65 +162,87 @@ def _band(
                     if distance < best:
                         squared[i, j, k] = distance
                         nearest[i, j, k] = f
+                        point[i, j, k, 0] = qx
+                        point[i, j, k, 1] = qy
+                        point[i, j, k, 2] = qz
 
 
 @kernel
-def _sweep(triangles: Float64, squared: Float64, nearest: Int64, cell: float) -> None:
-    """Hand nearest faces on from cell to cell, once in each of the eight diagonal directions."""
-    cells = squared.shape[0]
-    first = 0.5 * cell - 0.5 * cell * cells
-    tried = np.zeros(7, dtype=np.int64)
-    for octant in range(8):
-        sx = 1 if octant & 1 else -1
-        sy = 1 if octant & 2 else -1
-        sz = 1 if octant & 4 else -1
-        for a in range(cells):
-            i = a if sx > 0 else cells - 1 - a
-            px = first + i * cell
-            for b in range(cells):
-                j = b if sy > 0 else cells - 1 - b
-                py = first + j * cell
-                for c in range(cells):
-                    k = c if sz > 0 else cells - 1 - c
-                    pz = first + k * cell
-                    count = 0
-                    for step in range(1, 8):
-                        x = i - sx if step & 1 else i
-                        y = j - sy if step & 2 else j
-                        z = k - sz if step & 4 else k
-                        if x < 0 or y < 0 or z < 0 or x >= cells or y >= cells or z >= cells:
+def _spread(
+    triangles: Float64,
+    distance: Float64,
+    nearest: Int64,
+    point: Float64,
+    cell: float,
+    exact: float,
+) -> None:
+    """Hand nearest faces on from cells to their 26 neighbours, the nearest cells first.
+
+    A face lies beyond the plane through its point nearest to a cell, across the way there.
+    Where a neighbour has that plane no nearer than its best so far, it has the face no nearer
+    either: all but a few are ruled out so.
+
+    Parameters
+    ----------
+    distance : (N, N, N) float64
+        inf where unknown.
+    nearest : (N, N, N) int64
+    point : (N, N, N, 3) float64
+    cell : float
+    exact : float
+        Distances up to this are right already.
+    """
+    side = distance.shape[0]
+    first = 0.5 * cell - 0.5 * cell * side
+    flat, face, place = distance.ravel(), nearest.ravel(), point.reshape(-1, 3)
+    known = flat <= exact
+    buckets = int(2 * np.sqrt(3.0) * side) + 2
+    # cells wait in lists, one for each half cell of distance
+    head = np.full(buckets, -1, dtype=np.int64)
+    space = 4 * len(flat)
+    waiting = np.empty(space, dtype=np.int64)
+    following = np.empty(space, dtype=np.int64)
+    count = 0
+    for c in range(len(flat)):
+        if flat[c] < np.inf:
+            b = int(2 * flat[c] / cell)
+            waiting[count], following[count], head[b] = c, head[b], count
+            count += 1
+    done = np.zeros(len(flat), dtype=np.bool_)
+    for b in range(buckets):
+        while head[b] >= 0:
+            c = waiting[head[b]]
+            head[b] = following[head[b]]
+            if done[c]:
+                continue
+            done[c] = True
+            i, j, k = c // (side * side), c // side % side, c % side
+            cx, cy, cz = first + i * cell, first + j * cell, first + k * cell
+            qx, qy, qz = place[c, 0], place[c, 1], place[c, 2]
+            wx, wy, wz = qx - cx, qy - cy, qz - cz
+            here, f = flat[c], face[c]
+            for x in range(max(i - 1, 0), min(i + 2, side)):
+                px = first + x * cell
+                for y in range(max(j - 1, 0), min(j + 2, side)):
+                    py = first + y * cell
+                    for z in range(max(k - 1, 0), min(k + 2, side)):
+                        n = (x * side + y) * side + z
+                        if known[n] or done[n] or face[n] == f:
                             continue
-                        f = nearest[x, y, z]
-                        if f < 0 or f == nearest[i, j, k]:
+                        pz = first + z * cell
+                        ahead = (qx - px) * wx + (qy - py) * wy + (qz - pz) * wz
+                        if here > 0 and ahead >= flat[n] * here:
                             continue
-                        known = False
-                        for m in range(count):
-                            known = known or tried[m] == f
-                        if known:
+                        tx, ty, tz = _closest(px, py, pz, triangles[f])
+                        found = np.sqrt((tx - px) ** 2 + (ty - py) ** 2 + (tz - pz) ** 2)
+                        if found >= flat[n]:
                             continue
-                        tried[count] = f
+                        flat[n], face[n] = found, f
+                        place[n, 0], place[n, 1], place[n, 2] = tx, ty, tz
+                        if count == space:
+                            waiting = np.concatenate((waiting, waiting))
+                            following = np.concatenate((following, following))
+                            space *= 2
+                        target = max(int(2 * found / cell), b)
+                        waiting[count], following[count], head[target] = n, head[target], count
                         count += 1
-                        qx, qy, qz = _closest(px, py, pz, triangles[f])
-                        distance = (qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2
-                        if distance < squared[i, j, k]:
-                            squared[i, j, k] = distance
-                            nearest[i, j, k] = f
-
-
-@kernel
-def _locate(triangles: Float64, nearest: Int64, point: Float64, cell: float) -> None:
-    """The nearest point on the nearest face of each cell."""
-    cells = nearest.shape[0]
-    first = 0.5 * cell - 0.5 * cell * cells
-    for i in range(cells):
-        for j in range(cells):
-            for k in range(cells):
-                qx, qy, qz = _closest(
-                    first + i * cell,
-                    first + j * cell,
-                    first + k * cell,
-                    triangles[nearest[i, j, k]],
-                )
-                point[i, j, k, 0] = qx
-                point[i, j, k, 1] = qy
-                point[i, j, k, 2] = qz

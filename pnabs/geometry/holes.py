@@ -22,7 +22,10 @@ MIN_VOTES = 3
 """Half-rays, of six, that must meet the mesh from its inside for a point to be enclosed."""
 
 PROBES = 8
-"""Faces of a cap, at most, from which is looked."""
+"""Faces of a cap, at most, from which is looked: its largest."""
+
+PROBE_AREA = 2 * (GRID_SIDE / 128) ** 2
+"""Doubled area of a cap that one such face is enough for."""
 
 _STEP = 1e-5
 """How far inward of a cap's face the probe lies, in the normalised frame."""
@@ -117,9 +120,11 @@ def enclosed_faces(
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normals, axis=1)
     # the largest faces of each cap
+    total = np.bincount(caps.rim, weights=area, minlength=count)
+    wanted = np.clip(np.ceil(total / PROBE_AREA), 1, PROBES)
     order = np.lexsort((-area, caps.rim))
     rank = np.arange(len(order)) - np.searchsorted(caps.rim[order], caps.rim[order])
-    order = order[rank < PROBES]
+    order = order[rank < wanted[caps.rim[order]]]
     side = np.where(flip[caps.patch[order]], -1.0, 1.0)
     normals = normals[order] / area[order, None] * side[:, None]
     points = corners[order].mean(axis=1) - _STEP * normals
@@ -148,7 +153,7 @@ def twins(faces: Int64) -> tuple[Int64, Bool]:
     """
     a, b = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
     key = np.minimum(a, b) * (faces.max() + np.int64(1)) + np.maximum(a, b)
-    order = np.argsort(key, kind="stable")
+    order = np.argsort(key)
     ranked = key[order]
     first = np.flatnonzero(np.concatenate([[True], ranked[1:] != ranked[:-1]]))
     faces_there = np.diff(np.append(first, len(key)))

@@ -153,7 +153,7 @@ def _plain_obj(data: bytes) -> bytes:
 
 def _check_obj(data: bytes, limits: Limits) -> None:
     """What the OBJ parser lets pass: too many faces to be worth parsing, and index 0."""
-    count = sum(1 for _ in _OBJ_FACE.finditer(data))
+    count = len(_OBJ_FACE.findall(data))
     if count > limits.max_faces:
         raise _too_many_faces(count, limits)
     zero = _OBJ_INDEX_ZERO.search(data)

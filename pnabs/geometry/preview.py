@@ -51,7 +51,11 @@ def _cluster(mesh: Mesh, cells: int) -> Mesh:
     faces: Int64 = index[mesh.faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    corners = np.sort(faces, axis=1)
+    _, first = np.unique(
+        (corners[:, 0] * len(vertices) + corners[:, 1]) * len(vertices) + corners[:, 2],
+        return_index=True,
+    )
     return Mesh(vertices, faces[np.sort(first)])
 
 

@@ -18,9 +18,6 @@ Open = Literal["fill", "shell"]
 MIN_VOTES = 3
 """Half-rays, of six, that must say inside."""
 
-_NEIGHBOURS = np.ones((3, 3, 3), dtype=bool)
-
-
 @dataclass(frozen=True, slots=True)
 class Voxels:
     """A solid on a grid, its thin parts apart.
@@ -65,8 +62,20 @@ def voxelise_parts(prepared: OrientedMesh, resolution: int, open: Open = "fill")
     surface = surface_cells(prepared.mesh, resolution)
     if open == "shell":
         core &= ~_outside(surface)
-    thin = surface & ~ndimage.binary_dilation(core, _NEIGHBOURS)
+    thin = surface & ~_widened(core)
     return Voxels(core, thin)
+
+
+def _widened(cells: Bool) -> Bool:
+    """Cells and their 26 neighbours, axis by axis: much faster than a general dilation."""
+    wide = cells
+    for axis in range(3):
+        rows = np.moveaxis(wide, axis, 0)
+        grown = rows.copy()
+        grown[1:] |= rows[:-1]
+        grown[:-1] |= rows[1:]
+        wide = np.moveaxis(grown, 0, axis)
+    return wide
 
 
 def _outside(surface: Bool) -> Bool:
