@@ -13,10 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pnabs.geometry.kernel import kernel
+from pnabs.geometry.polygon import LONGEST_EXACT, triangulate
 from pnabs.geometry.types import GRID_SIDE, Bool, Float64, Int64, Mesh
-
-LONGEST_EXACT = 128
-"""Rims of more edges are closed by a cone about their centroid: least area costs n^3."""
 
 MIN_VOTES = 3
 """Half-rays, of six, that must meet the mesh from its inside for a point to be enclosed."""
@@ -199,18 +197,10 @@ def _rims(origin: Int64, twin: Int64) -> tuple[Int64, Int64]:
 
 
 @kernel
-def _doubled_area(a: Float64, b: Float64, c: Float64) -> float:
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return float(np.sqrt(nx * nx + ny * ny + nz * nz))
-
-
-@kernel
 def _close(
     vertices: Float64, loop: Int64, starts: Int64, centroids: Int64, faces: Int64
 ) -> None:
-    """Triangles over each rim: of least total area (Barequet and Sharir), or a cone."""
+    """Triangles over each rim: of least total area, or a cone."""
     filled = 0
     for r in range(len(starts) - 1):
         rim = loop[starts[r] : starts[r + 1]]
@@ -224,35 +214,9 @@ def _close(
                 faces[filled, 2] = centroids[r]
                 filled += 1
             continue
-        cost = np.zeros((n, n))
-        split = np.zeros((n, n), dtype=np.int64)
-        for span in range(2, n):
-            for i in range(n - span):
-                k = i + span
-                best = np.inf
-                for j in range(i + 1, k):
-                    area = (
-                        cost[i, j]
-                        + cost[j, k]
-                        + _doubled_area(vertices[rim[i]], vertices[rim[j]], vertices[rim[k]])
-                    )
-                    if area < best:
-                        best = area
-                        split[i, k] = j
-                cost[i, k] = best
-        stack = [(0, n - 1)]
-        while len(stack) > 0:
-            i, k = stack.pop()
-            if k - i < 2:
-                continue
-            j = split[i, k]
-            # against the rim's direction, as every face on the other side of an edge
-            faces[filled, 0] = rim[k]
-            faces[filled, 1] = rim[j]
-            faces[filled, 2] = rim[i]
-            filled += 1
-            stack.append((i, j))
-            stack.append((j, k))
+        # against the rim's direction, as every face on the other side of an edge
+        triangulate(vertices, rim[::-1].copy(), faces[filled : filled + n - 2])
+        filled += n - 2
 
 
 def _cast(

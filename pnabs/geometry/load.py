@@ -7,12 +7,12 @@ Materials and textures are never read.
 from __future__ import annotations
 
 import io
-import re
 import urllib.parse
 from collections.abc import Callable
 
 import numpy as np
 
+from pnabs.geometry.obj import ObjError, TooManyFacesError, parse_obj
 from pnabs.geometry.types import Bool, Float64, Int64, Mesh
 from pnabs.settings import Limits
 
@@ -23,9 +23,6 @@ EXTENT_RANGE = (1e-12, 1e12)
 """Longest sides of a bounding box that double precision can still work with."""
 
 _TEXT_SUFFIXES = (".obj", ".off", ".gltf")
-_OBJ_COMMENT = re.compile(rb"#[^\r\n]*")
-_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
-_OBJ_INDEX_ZERO = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?[+-]?0+(?=[/\s]|$)", re.MULTILINE)
 
 
 class InvalidMeshError(ValueError):
@@ -74,10 +71,11 @@ def parse_mesh(
         raise InvalidMeshError("the file is empty")
     if suffix in _TEXT_SUFFIXES:
         data = data.removeprefix(b"\xef\xbb\xbf")
-    if suffix == ".obj":
-        data = _plain_obj(data)
-        _check_obj(data, limits)
-    mesh = _parse(data, suffix, limits, read_sibling)
+    mesh = (
+        _read_obj(data, limits)
+        if suffix == ".obj"
+        else _parse(data, suffix, limits, read_sibling)
+    )
     validate(mesh, limits)
     return mesh
 
@@ -144,22 +142,15 @@ def _too_many_faces(count: int, limits: Limits) -> InvalidMeshError:
     )
 
 
-def _plain_obj(data: bytes) -> bytes:
-    """An OBJ file without comments and with newlines that the parser knows."""
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
-    return _OBJ_COMMENT.sub(b"", data) if b"#" in data else data
-
-
-def _check_obj(data: bytes, limits: Limits) -> None:
-    """What the OBJ parser lets pass: too many faces to be worth parsing, and index 0."""
-    count = len(_OBJ_FACE.findall(data))
-    if count > limits.max_faces:
-        raise _too_many_faces(count, limits)
-    zero = _OBJ_INDEX_ZERO.search(data)
-    if zero:
-        line = data.count(b"\n", 0, zero.start()) + 1
-        raise InvalidMeshError(f"line {line}: face index 0, but OBJ counts vertices from 1")
+def _read_obj(data: bytes, limits: Limits) -> Mesh:
+    try:
+        return parse_obj(data, limits.max_faces)
+    except TooManyFacesError:
+        raise InvalidMeshError(
+            f"the mesh has more than limits.max_faces = {limits.max_faces:,} faces"
+        ) from None
+    except ObjError as error:
+        raise InvalidMeshError(str(error)) from None
 
 
 def _parse(

@@ -1,0 +1,295 @@
+"""Wavefront OBJ, as far as shape goes: `v` and `f` lines to vertices and triangles.
+
+The libraries at hand fan polygons from their first corner, which covers the wrong area
+where a polygon isn't convex, and let a vertex number 0 pass as the last vertex.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnabs.geometry.kernel import kernel
+from pnabs.geometry.polygon import LONGEST_EXACT, doubled_area, triangulate
+from pnabs.geometry.types import Float64, Int64, Mesh
+
+_OK, _NUMBER, _SHORT, _INDEX, _ZERO, _RANGE, _TOO_MANY = range(7)
+_PROBLEMS = {
+    _NUMBER: "not a number",
+    _SHORT: "a vertex of fewer than three coordinates",
+    _INDEX: "not a vertex number",
+    _ZERO: "face index 0, but OBJ counts vertices from 1",
+}
+
+
+class ObjError(ValueError):
+    """What is wrong with an OBJ file, and in which line."""
+
+
+class TooManyFacesError(ObjError):
+    """More triangles than allowed."""
+
+
+def parse_obj(data: bytes, max_faces: int) -> Mesh:
+    """Vertices and triangles of an OBJ file.
+
+    Negative numbers count back from the last vertex so far; texture and normal numbers,
+    vertex colours and weights, and all other statements are passed over.  Polygons are
+    triangulated: quads along the diagonal that gives less area, others from their first
+    corner where they are convex, else for least area (of more than `LONGEST_EXACT` corners
+    from their first corner in any case).  Corners short of three make no face.
+
+    Parameters
+    ----------
+    data : bytes
+    max_faces : int
+        Reading stops where there are more triangles.
+
+    Raises
+    ------
+    ObjError
+        A number that is none, or a vertex that isn't there; names the line.
+    TooManyFacesError
+    """
+    text = np.frombuffer(data, dtype=np.uint8)
+    vertices, corners, starts, lines, problem, line = _read(text, max_faces)
+    if problem == _TOO_MANY:
+        raise TooManyFacesError
+    if problem == _RANGE:
+        raise ObjError(f"line {line}: a face names a vertex before the first")
+    if problem != _OK:
+        raise ObjError(f"line {line}: {_PROBLEMS[problem]}")
+    sizes = np.diff(starts)
+    beyond = np.flatnonzero(corners >= len(vertices))
+    if len(beyond):
+        line = lines[np.searchsorted(starts, beyond[0], side="right") - 1]
+        raise ObjError(
+            f"line {line}: a face names vertex {corners[beyond[0]] + 1}, "
+            f"but there are {len(vertices):,} vertices"
+        )
+    faces = np.empty((int((sizes - 2).sum()), 3), dtype=np.int64)
+    _triangulate(vertices, corners, starts, faces)
+    return Mesh(vertices, faces)
+
+
+@kernel
+def _number(text: NDArray[np.uint8], at: int, end: int) -> tuple[float, int, bool]:
+    """A decimal number, where it ends, and whether it is one.  Correct to the last place or two."""
+    negative = text[at] == 45
+    if text[at] == 45 or text[at] == 43:
+        at += 1
+    mantissa = 0
+    exponent = 0
+    digits = 0
+    point = False
+    while at < end:
+        c = text[at]
+        if 48 <= c <= 57:
+            digits += 1
+            if mantissa < 900_000_000_000_000_000:
+                mantissa = mantissa * 10 + (c - 48)
+                exponent -= 1 if point else 0
+            else:
+                exponent += 0 if point else 1
+        elif c == 46 and not point:
+            point = True
+        else:
+            break
+        at += 1
+    good = digits > 0
+    if good and at < end and (text[at] == 101 or text[at] == 69):
+        at += 1
+        down = at < end and text[at] == 45
+        if at < end and (text[at] == 45 or text[at] == 43):
+            at += 1
+        power = 0
+        good = at < end and 48 <= text[at] <= 57
+        while at < end and 48 <= text[at] <= 57:
+            power = min(power * 10 + (text[at] - 48), 100_000)
+            at += 1
+        exponent += -power if down else power
+    value = float(mantissa)
+    if mantissa != 0:
+        if exponent < -330:
+            value = 0.0
+        elif exponent > 330:
+            value = np.inf
+        elif exponent < 0:
+            # in two steps, as 1e-300 and less has no reciprocal
+            value = value / 10.0 ** min(-exponent, 290) / 10.0 ** max(-exponent - 290, 0)
+        else:
+            value = value * 10.0 ** min(exponent, 290) * 10.0 ** max(exponent - 290, 0)
+    return (-value if negative else value), at, good
+
+
+@kernel
+def _blank(text: NDArray[np.uint8], at: int, end: int) -> int:
+    """Past blanks, and past line ends that a backslash takes back."""
+    while at < end:
+        c = text[at]
+        if c == 32 or c == 9 or c == 11 or c == 12:
+            at += 1
+        elif c == 92 and at + 1 < end and text[at + 1] == 10:
+            at += 2
+        elif c == 92 and at + 2 < end and text[at + 1] == 13 and text[at + 2] == 10:
+            at += 3
+        else:
+            break
+    return at
+
+
+@kernel
+def _ends(text: NDArray[np.uint8], at: int, end: int) -> bool:
+    """Whether a word ends here."""
+    if at >= end:
+        return True
+    c = text[at]
+    return bool(c == 32 or 9 <= c <= 13 or c == 35 or c == 92)
+
+
+@kernel
+def _finite_word(text: NDArray[np.uint8], at: int, end: int) -> bool:
+    """Whether a word is anything but some spelling of nan or infinity."""
+    if at < end and (text[at] == 45 or text[at] == 43):
+        at += 1
+    if at + 2 >= end:
+        return True
+    a, b, c = text[at] | 32, text[at + 1] | 32, text[at + 2] | 32
+    nan = a == 110 and b == 97 and c == 110
+    infinite = a == 105 and b == 110 and c == 102
+    return not (nan or infinite)
+
+
+@kernel
+def _read(
+    text: NDArray[np.uint8], max_faces: int
+) -> tuple[Float64, Int64, Int64, Int64, int, int]:
+    """Vertices, the polygons' corners, where each polygon starts and its line; what is wrong."""
+    end = len(text)
+    # "v 0 0 0" and a newline take 8 bytes, "f 1 2 3" too
+    vertices = np.empty((end // 7 + 1, 3))
+    corners = np.empty(end // 2 + 1, dtype=np.int64)
+    starts = np.empty(end // 7 + 2, dtype=np.int64)
+    lines = np.empty(end // 7 + 1, dtype=np.int64)
+    vertex_count, corner_count, polygons, triangles = 0, 0, 0, 0
+    problem = 0
+    line = 1
+    at = 0
+    starts[0] = 0
+    while at < end and problem == 0:
+        at = _blank(text, at, end)
+        if at + 1 < end and text[at] == 118 and (text[at + 1] == 32 or text[at + 1] == 9):
+            at += 1
+            for axis in range(3):
+                at = _blank(text, at, end)
+                if _ends(text, at, end):
+                    problem = 2
+                    break
+                if not _finite_word(text, at, end):
+                    vertices[vertex_count, axis] = np.nan
+                    while not _ends(text, at, end):
+                        at += 1
+                    continue
+                vertices[vertex_count, axis], at, good = _number(text, at, end)
+                if not good or not _ends(text, at, end):
+                    problem = 1
+                    break
+            vertex_count += 1
+        elif at + 1 < end and text[at] == 102 and (text[at + 1] == 32 or text[at + 1] == 9):
+            at += 1
+            first = corner_count
+            while problem == 0:
+                at = _blank(text, at, end)
+                if _ends(text, at, end):
+                    break
+                back = text[at] == 45
+                if text[at] == 45 or text[at] == 43:
+                    at += 1
+                number = 0
+                digits = 0
+                while at < end and 48 <= text[at] <= 57:
+                    number = min(number * 10 + (text[at] - 48), 1 << 40)
+                    digits += 1
+                    at += 1
+                if digits == 0 or not (_ends(text, at, end) or text[at] == 47):
+                    problem = 3
+                elif number == 0:
+                    problem = 4
+                elif back and number > vertex_count:
+                    problem = 5
+                corners[corner_count] = vertex_count - number if back else number - 1
+                corner_count += 1
+                while not _ends(text, at, end):
+                    at += 1
+            if corner_count - first < 3:
+                corner_count = first
+            else:
+                lines[polygons] = line
+                polygons += 1
+                starts[polygons] = corner_count
+                triangles += corner_count - first - 2
+                if triangles > max_faces and problem == 0:
+                    problem = 6
+        if problem != 0:
+            break
+        # to the next line; one that ends in a backslash goes on
+        while at < end and text[at] != 10 and text[at] != 13:
+            at += 1
+        if at + 1 < end and text[at] == 13 and text[at + 1] == 10:
+            at += 1
+        at += 1
+        line += 1
+    return (
+        vertices[:vertex_count].copy(),
+        corners[:corner_count].copy(),
+        starts[: polygons + 1].copy(),
+        lines[:polygons].copy(),
+        problem,
+        line,
+    )
+
+
+@kernel
+def _convex(vertices: Float64, polygon: Int64) -> bool:
+    """Whether all fan triangles about the first corner turn the same way."""
+    n = len(polygon)
+    a = vertices[polygon[0]]
+    sx, sy, sz = 0.0, 0.0, 0.0
+    for turn in range(2):
+        for i in range(1, n - 1):
+            b, c = vertices[polygon[i]], vertices[polygon[i + 1]]
+            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            if turn == 0:
+                sx, sy, sz = sx + nx, sy + ny, sz + nz
+            elif nx * sx + ny * sy + nz * sz < 0:
+                return False
+    return True
+
+
+@kernel
+def _triangulate(vertices: Float64, corners: Int64, starts: Int64, faces: Int64) -> None:
+    filled = 0
+    for p in range(len(starts) - 1):
+        polygon = corners[starts[p] : starts[p + 1]]
+        n = len(polygon)
+        if n == 4:
+            a, b = vertices[polygon[0]], vertices[polygon[1]]
+            c, d = vertices[polygon[2]], vertices[polygon[3]]
+            plain = doubled_area(a, b, c) + doubled_area(a, c, d)
+            if doubled_area(a, b, d) + doubled_area(b, c, d) < plain * (1 - 1e-9):
+                faces[filled, 0], faces[filled, 1] = polygon[0], polygon[1]
+                faces[filled, 2] = polygon[3]
+                faces[filled + 1, 0], faces[filled + 1, 1] = polygon[1], polygon[2]
+                faces[filled + 1, 2] = polygon[3]
+                filled += 2
+                continue
+        elif n > 4 and n <= LONGEST_EXACT and not _convex(vertices, polygon):
+            triangulate(vertices, polygon, faces[filled : filled + n - 2])
+            filled += n - 2
+            continue
+        for i in range(1, n - 1):
+            faces[filled, 0], faces[filled, 1] = polygon[0], polygon[i]
+            faces[filled, 2] = polygon[i + 1]
+            filled += 1
