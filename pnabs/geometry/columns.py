@@ -13,10 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
+from pnabs.geometry.load import InvalidMeshError
 from pnabs.geometry.types import GRID_SIDE, Float64, Int64, Mesh
 
 LINE_OFFSET = (1.3e-7, 2.9e-7)
 """Lines are moved sideways by this, so that none runs along an edge of a modelled box."""
+
+MAX_HITS = 2**24
+"""Hits kept, at most: 25 bytes each.  Faces of a hundred times the shape's own size, laid over
+each other by the thousand, have more; no mesh that somebody modelled comes near."""
 
 MIN_GAIN = 0.5
 """Share of the disorder on a patch's lines that turning the patch over must take away."""
@@ -57,10 +62,21 @@ class Columns:
 
 
 def trace(mesh: Mesh, resolution: int) -> Columns:
-    """Intersect all lines with a mesh in the normalised frame."""
+    """Intersect all lines with a mesh in the normalised frame.
+
+    Raises
+    ------
+    pnabs.geometry.load.InvalidMeshError
+        If there are more than `MAX_HITS`.
+    """
     line, height, face, front = _trace(
-        mesh.vertices, mesh.faces, resolution, GRID_SIDE / resolution, *LINE_OFFSET
+        mesh.vertices, mesh.faces, resolution, GRID_SIDE / resolution, *LINE_OFFSET, MAX_HITS
     )
+    if len(line) > MAX_HITS:
+        raise InvalidMeshError(
+            f"large faces lie over each other too often: the lines of a {resolution}^3 grid meet "
+            f"them more than {MAX_HITS:,} times"
+        )
     starts, order = _sort(line, height, 3 * resolution * resolution)
     return Columns(resolution, starts, height[order], face[order], front[order])
 
@@ -170,7 +186,7 @@ def _left(value: float, vertices: Float64, a: int, b: int, u: int, v: int) -> bo
 
 @kernel
 def _trace(
-    vertices: Float64, faces: Int64, cells: int, step: float, offset_u: float, offset_v: float
+    vertices: Float64, faces: Int64, cells: int, step: float, offset_u: float, offset_v: float, limit: int
 ) -> tuple[Int64, Float64, Int64, Signs]:
     """Line, height, face and direction of every hit, by face."""
     first = 0.5 * step - 0.5 * step * cells
@@ -181,6 +197,8 @@ def _trace(
     front = np.empty(space, dtype=np.int8)
     count = 0
     for f in range(len(faces)):
+        if count > limit:
+            break
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pnabs.geometry.kernel import kernel
+from pnabs.geometry.patches import Patches
 from pnabs.geometry.polygon import LONGEST_EXACT, triangulate
 from pnabs.geometry.types import GRID_SIDE, Bool, Float64, Int64, Mesh
 
@@ -31,7 +32,11 @@ _STEP = 1e-5
 _SLIVER = 1e-12
 """Doubled area of a face that closes nothing."""
 
-_BINS = 64
+_EMPTY = 1e-12
+"""Volume of a patch that encloses nothing."""
+
+_BINS = 64, 1024
+"""Bins along a side for few probes, and for as many as there may be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,41 +65,40 @@ class Caps:
     free: Bool
 
 
-def close_rims(mesh: Mesh, patch: Int64) -> Caps:
-    """Faces over every rim of a consistently oriented mesh.
+def close_rims(vertices: Float64, patches: Patches) -> Caps:
+    """Faces over every rim of a mesh's patches.
 
     Parameters
     ----------
-    mesh : Mesh
-        Welded; faces of a patch are oriented alike.
-    patch : (F,) int64
-        Patch of each face; patches meet at edges of one, or more than two, faces.
+    vertices : (V, 3) float64
+        Welded.
+    patches : Patches
     """
-    twin, single = twins(mesh.faces)
-    corners, starts = _rims(mesh.faces.reshape(-1), twin)
-    owner = patch[corners // 3]
-    loop = mesh.faces.reshape(-1)[corners]
+    corners, starts = _rims(patches.mate)
+    owner = patches.patch[corners // 3]
+    loop = patches.faces.reshape(-1)[corners]
     lengths = np.diff(starts)
     long = np.flatnonzero(lengths > LONGEST_EXACT)
     # a rim of n edges is closed by n - 2 faces, or n about a centroid; one of 2 needs none
     counts = np.where(lengths > LONGEST_EXACT, lengths, np.maximum(lengths - 2, 0))
     centroids = np.full(len(lengths), -1, dtype=np.int64)
-    centroids[long] = len(mesh.vertices) + np.arange(len(long))
+    centroids[long] = len(vertices) + np.arange(len(long))
     vertices = np.concatenate(
-        [mesh.vertices]
-        + [mesh.vertices[loop[starts[r] : starts[r + 1]]].mean(axis=0)[None] for r in long]
+        [vertices]
+        + [vertices[loop[starts[r] : starts[r + 1]]].mean(axis=0)[None] for r in long]
     )
     faces = np.empty((int(counts.sum()), 3), dtype=np.int64)
     _close(vertices, loop, starts, centroids, faces)
     rim = np.repeat(np.arange(len(lengths)), counts)
-    free = np.add.reduceat(single[corners], starts[:-1]) > 0 if len(lengths) else single[:0]
+    rim_of = np.repeat(np.arange(len(lengths)), lengths)
+    free = np.bincount(rim_of, patches.free[corners], len(lengths)) > 0
     # a slit is closed already
     wide = np.flatnonzero(doubled_areas(vertices[faces]) > _SLIVER)
     return Caps(vertices, faces[wide], owner[starts[:-1]][rim[wide]], rim[wide], free)
 
 
 def enclosed_faces(
-    mesh: Mesh, patch: Int64, flip: Bool, caps: Caps, among_all: bool = False
+    mesh: Mesh, patch: Int64, volume: Float64, flip: Bool, caps: Caps, among_all: bool = False
 ) -> Bool:
     """Faces of caps that have the inside of their own patch on their inner side, (C,) bool.
 
@@ -105,37 +109,39 @@ def enclosed_faces(
     mesh : Mesh
         The mesh without its caps.
     patch : (F,) int64
+    volume : (patches,) float64
+        Of the patches with all their caps; a patch without any encloses nothing.
     flip : (patches,) bool
         Patches whose faces look inward.
     caps : Caps
     among_all : bool
         Whether the mesh as a whole must have its inside there too.
     """
-    if len(caps.faces) == 0:
-        return np.zeros(0, dtype=bool)
-    count = int(caps.rim[-1]) + 1
-    corners = caps.vertices[caps.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normals, axis=1)
-    # the largest faces of each cap
-    total = np.bincount(caps.rim, weights=area, minlength=count)
+    kept = np.zeros(len(caps.faces), dtype=bool)
+    worth = np.flatnonzero(caps.free[caps.rim] & (np.abs(volume) > _EMPTY)[caps.patch])
+    if len(worth) == 0:
+        return kept
+    corners = caps.vertices[caps.faces[worth]]
+    area = doubled_areas(corners)
+    rim, owner = caps.rim[worth], caps.patch[worth]
+    total = np.bincount(rim, weights=area)
     wanted = np.clip(np.ceil(total / PROBE_AREA), 1, PROBES)
-    order = np.lexsort((-area, caps.rim))
-    rank = np.arange(len(order)) - np.searchsorted(caps.rim[order], caps.rim[order])
-    order = order[rank < wanted[caps.rim[order]]]
-    side = np.where(flip[caps.patch[order]], -1.0, 1.0)
-    normals = normals[order] / area[order, None] * side[:, None]
-    points = corners[order].mean(axis=1) - _STEP * normals
+    order = np.lexsort((-area, rim))
+    rank = np.arange(len(order)) - np.searchsorted(rim[order], rim[order])
+    order = order[rank < wanted[rim[order]]]
+    rim, owner, area, corners = rim[order], owner[order], area[order], corners[order]
+    inward = np.cross(corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0])
+    inward *= (np.where(flip[owner], -1.0, 1.0) * _STEP / area)[:, None]
+    points = corners.mean(axis=1) + inward
     counts = np.zeros((2, len(points), 6), dtype=np.int64)
     signs = np.where(flip, -1, 1)
     for axis in range(3):
-        _cast(mesh, patch, signs, points, caps.patch[order], axis, counts)
+        _cast(mesh, patch, signs, points, owner, axis, counts)
     votes = (counts > 0).sum(axis=2) >= MIN_VOTES
-    votes = votes.all(axis=0) if among_all else votes[0]
-    rim = caps.rim[order]
-    total = np.bincount(rim, weights=area[order], minlength=count)
-    enclosed = np.bincount(rim, weights=area[order] * votes, minlength=count) > 0.5 * total
-    return np.asarray((enclosed & caps.free[:count])[caps.rim])
+    enclosed = votes.all(axis=0) if among_all else votes[0]
+    share = np.bincount(rim, weights=area * enclosed) / np.maximum(np.bincount(rim, area), _SLIVER)
+    kept[worth] = share[caps.rim[worth]] > 0.5
+    return kept
 
 
 def doubled_areas(corners: Float64) -> Float64:
@@ -144,42 +150,21 @@ def doubled_areas(corners: Float64) -> Float64:
     return np.asarray(np.linalg.norm(normals, axis=1))
 
 
-def twins(faces: Int64) -> tuple[Int64, Bool]:
-    """The other half of each half-edge's edge, (3F,) int64, and which edges are free, (3F,) bool.
-
-    There is none, -1, at free edges and where over two faces meet.
-    """
-    a, b = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
-    key = np.minimum(a, b) * (faces.max() + np.int64(1)) + np.maximum(a, b)
-    order = np.argsort(key)
-    ranked = key[order]
-    first = np.flatnonzero(np.concatenate([[True], ranked[1:] != ranked[:-1]]))
-    faces_there = np.diff(np.append(first, len(key)))
-    single = np.zeros(len(key), dtype=bool)
-    single[order[first[faces_there == 1]]] = True
-    pairs = first[faces_there == 2]
-    one, other = order[pairs], order[pairs + 1]
-    opposite = a[one] == b[other]
-    twin = np.full(len(key), -1, dtype=np.int64)
-    twin[one[opposite]], twin[other[opposite]] = other[opposite], one[opposite]
-    return twin, single
-
-
 @kernel
-def _rims(origin: Int64, twin: Int64) -> tuple[Int64, Int64]:
-    """Half-edges without a twin, chained into rims: half-edges, and where each rim starts.
+def _rims(mate: Int64) -> tuple[Int64, Int64]:
+    """Half-edges without a mate, chained into rims: half-edges, and where each rim starts.
 
     From the end of one, the faces around that vertex are turned through until the next.
     """
     count = 0
-    for h in range(len(twin)):
-        count += twin[h] < 0
+    for h in range(len(mate)):
+        count += mate[h] < 0
     corners = np.empty(count, dtype=np.int64)
     starts = np.empty(count + 1, dtype=np.int64)
-    done = np.zeros(len(twin), dtype=np.bool_)
+    done = np.zeros(len(mate), dtype=np.bool_)
     filled, rims = 0, 0
-    for begin in range(len(twin)):
-        if twin[begin] >= 0 or done[begin]:
+    for begin in range(len(mate)):
+        if mate[begin] >= 0 or done[begin]:
             continue
         starts[rims] = filled
         rims += 1
@@ -189,8 +174,8 @@ def _rims(origin: Int64, twin: Int64) -> tuple[Int64, Int64]:
             corners[filled] = h
             filled += 1
             h = h - 2 if h % 3 == 2 else h + 1
-            while twin[h] >= 0:
-                h = twin[h]
+            while mate[h] >= 0:
+                h = mate[h]
                 h = h - 2 if h % 3 == 2 else h + 1
     starts[rims] = filled
     return corners, starts[: rims + 1].copy()
@@ -230,11 +215,12 @@ def _cast(
 ) -> None:
     """Count signed crossings of the two half-rays along an axis: own patches', and all."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    cell = np.floor((points[:, [u, v]] / GRID_SIDE + 0.5) * _BINS).astype(np.int64)
-    key = cell.clip(0, _BINS - 1) @ np.array([_BINS, 1])
+    bins = int(np.clip(np.sqrt(len(points)), *_BINS))
+    cell = np.floor((points[:, [u, v]] / GRID_SIDE + 0.5) * bins).astype(np.int64)
+    key = cell.clip(0, bins - 1) @ np.array([bins, 1])
     order = np.argsort(key, kind="stable")
-    starts = np.searchsorted(key[order], np.arange(_BINS * _BINS + 1))
-    _count(mesh.vertices, mesh.faces, patch, signs, points, owner, order, starts, axis, counts)
+    starts = np.searchsorted(key[order], np.arange(bins * bins + 1))
+    _count(mesh.vertices, mesh.faces, patch, signs, points, owner, order, starts, bins, axis, counts)
 
 
 @kernel
@@ -247,6 +233,7 @@ def _count(
     owner: Int64,
     order: Int64,
     starts: Int64,
+    bins: int,
     axis: int,
     counts: Int64,
 ) -> None:
@@ -255,12 +242,12 @@ def _count(
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         low_u, high_u = min(a[u], b[u], c[u]), max(a[u], b[u], c[u])
         low_v, high_v = min(a[v], b[v], c[v]), max(a[v], b[v], c[v])
-        i_low = min(max(int(np.floor((low_u / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
-        i_high = min(max(int(np.floor((high_u / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
-        j_low = min(max(int(np.floor((low_v / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
-        j_high = min(max(int(np.floor((high_v / GRID_SIDE + 0.5) * _BINS)), 0), _BINS - 1)
+        i_low = min(max(int(np.floor((low_u / GRID_SIDE + 0.5) * bins)), 0), bins - 1)
+        i_high = min(max(int(np.floor((high_u / GRID_SIDE + 0.5) * bins)), 0), bins - 1)
+        j_low = min(max(int(np.floor((low_v / GRID_SIDE + 0.5) * bins)), 0), bins - 1)
+        j_high = min(max(int(np.floor((high_v / GRID_SIDE + 0.5) * bins)), 0), bins - 1)
         for i in range(i_low, i_high + 1):
-            for place in range(starts[i * _BINS + j_low], starts[i * _BINS + j_high + 1]):
+            for place in range(starts[i * bins + j_low], starts[i * bins + j_high + 1]):
                 p = order[place]
                 pu, pv = points[p, u], points[p, v]
                 if pu < low_u or pu > high_u or pv < low_v or pv > high_v:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from numpy.typing import NDArray
 
 from pnabs.geometry.columns import disorder, settle, trace
-from pnabs.geometry.holes import Caps, close_rims, enclosed_faces, twins, doubled_areas
+from pnabs.geometry.holes import Caps, close_rims, enclosed_faces
+from pnabs.geometry.patches import join
 from pnabs.geometry.types import Bool, Float64, Int64, Mesh
 from pnabs.geometry.visibility import patch_votes
 from pnabs.geometry.weld import weld
@@ -19,7 +17,6 @@ from pnabs.geometry.weld import weld
 CLEAR_VOTE = 1.5
 """A patch is turned by what is seen of it only if one side is seen so many times as often."""
 
-CUT = 0.5
 JUDGE_RESOLUTION = 32
 """Grid on which the two candidate orientations are compared."""
 
@@ -77,20 +74,21 @@ def prepare(mesh: Mesh, close: bool = True) -> OrientedMesh:
         In the normalised frame, at least one face of non-zero area.
     """
     welded = weld(mesh)
-    turned, patch = _patches(welded.faces)
-    oriented = Mesh(welded.vertices, turned)
-    given = _same_winding(turned, welded.faces)
-    caps = close_rims(oriented, patch)
-    sealed = Mesh(caps.vertices, np.concatenate([turned, caps.faces]))
+    patches = join(welded.faces)
+    patch, given = patches.patch, patches.given
+    oriented = Mesh(welded.vertices, patches.faces)
+    caps = close_rims(welded.vertices, patches)
+    sealed = Mesh(caps.vertices, np.concatenate([patches.faces, caps.faces]))
     owner = np.concatenate([patch, caps.patch])
-    flip = _patch_volumes(sealed, owner) < 0
-    kept = enclosed_faces(oriented, patch, flip, caps)
+    volume = _patch_volumes(sealed, owner)
+    flip = volume < 0
+    kept = enclosed_faces(oriented, patch, volume, flip, caps)
     unclosed = np.zeros(len(flip), dtype=bool)
     unclosed[caps.patch[~kept]] = True
     if unclosed.any():
         sure = kept & ~unclosed[caps.patch]
         flip = np.where(unclosed, _seen_backs(*_with_caps(oriented, patch, caps, sure), flip), flip)
-        kept = enclosed_faces(oriented, patch, flip, caps)
+        kept = enclosed_faces(oriented, patch, volume, flip, caps)
     joined, owner = _with_caps(oriented, patch, caps, kept)
     columns = trace(joined, JUDGE_RESOLUTION)
     flip, extent = settle(columns, owner, flip)
@@ -101,7 +99,7 @@ def prepare(mesh: Mesh, close: bool = True) -> OrientedMesh:
     if disorder(columns, signs) <= disorder(columns, seen) + TOLERANCE * extent:
         flip, _ = settle(columns, owner, as_given)
         seen = np.where((flip == as_given)[owner], signs, _signs(flip, owner))
-    kept = enclosed_faces(oriented, patch, flip, caps, among_all=True) & close
+    kept = enclosed_faces(oriented, patch, volume, flip, caps, among_all=True) & close
     joined, owner = _with_caps(oriented, patch, caps, kept)
     signs = np.concatenate([seen[: len(patch)], _signs(flip, caps.patch[kept])])
     faces = np.where(signs[:, None] < 0, joined.faces[:, ::-1], joined.faces)
@@ -117,33 +115,6 @@ def _with_caps(mesh: Mesh, patch: Int64, caps: Caps, kept: Bool) -> tuple[Mesh, 
         Mesh(caps.vertices, np.concatenate([mesh.faces, caps.faces[kept]])),
         np.concatenate([patch, caps.patch[kept]]),
     )
-
-
-def _patches(faces: Int64) -> tuple[Int64, Int64]:
-    """Faces oriented alike in patches, and the patch of each face.
-
-    Patches end where an edge has one face or more than two.  Where touching parts were welded
-    and one lost a face, an edge can join what doesn't belong together, and the file's own
-    orientation tells: where it is consistent but for few edges, patches end there as well.
-    """
-    turned, patch = igl.bfs_orient(faces)
-    turned = np.ascontiguousarray(turned)
-    patch = np.asarray(patch, dtype=np.int64).ravel()
-    given = _same_winding(turned, faces)
-    count = int(patch.max()) + 1
-    minority = np.bincount(patch, given > 0, count), np.bincount(patch, given < 0, count)
-    minority = np.minimum(*minority)
-    if not minority.any():
-        return turned, patch
-    twin, _ = twins(turned)
-    half = np.flatnonzero(twin >= 0)
-    face, other = half // 3, twin[half] // 3
-    agree = given[face] == given[other]
-    torn = np.bincount(patch[face], ~agree, count) / 2
-    cut = (torn < CUT * minority) 
-    joined = agree | ~cut[patch[face]]
-    graph = coo_array((joined[joined], (face[joined], other[joined])), shape=(len(faces),) * 2)
-    return turned, connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _seen_backs(mesh: Mesh, patch: Int64, otherwise: Bool) -> Bool:
@@ -162,10 +133,3 @@ def _patch_volumes(mesh: Mesh, patch: Int64) -> Float64:
     corners = corners - (centroid / sizes[:, None])[patch][:, None]
     a, b, c = np.moveaxis(corners, 1, 0)
     return np.bincount(patch, weights=(a * np.cross(b, c)).sum(axis=1)) / 6
-
-
-def _same_winding(faces: Int64, others: Int64) -> NDArray[np.int8]:
-    """+1 where two lists have a face's corners in the same cyclic order, else -1, (F,) int8."""
-    start = np.argmax(others == faces[:, :1], axis=1)
-    following = others[np.arange(len(others)), (start + 1) % 3]
-    return np.where(following == faces[:, 1], 1, -1).astype(np.int8)
