@@ -210,9 +210,7 @@ WAYS: dict[str, Callable[[KnownSolid, np.random.Generator], Mesh]] = {
     "2 overlapping parts": lambda known, _: known.parts,
     "3 own vertices": lambda known, rng: spoil(known.parts, "unweld", rng),
     "4 30 % repeated": lambda known, rng: spoil(known.parts, "repeat", rng),
-    "5 half the parts flipped": lambda known, rng: spoil(
-        known.parts, "turn", rng, known.component
-    ),
+    "5 half the parts flipped": lambda known, rng: spoil(known.parts, "turn", rng, known.component),
     "6 inverted": lambda known, rng: spoil(known.parts, "invert", rng),
     "7 30 % flipped": lambda known, rng: spoil(known.parts, "flip", rng),
     "8 double-sided": lambda known, rng: spoil(known.parts, "double", rng),

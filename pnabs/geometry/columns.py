@@ -8,13 +8,14 @@ this gives six signed counts a point, a coarse sample of the generalised winding
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.load import InvalidMeshError
-from pnabs.geometry.types import GRID_SIDE, Float64, Int64, Mesh
+from pnabs.geometry.types import GRID_SIDE, Float64, Int64, Mesh, Signs
 
 LINE_OFFSET = (1.3e-7, 2.9e-7)
 """Lines are moved sideways by this, so that none runs along an edge of a modelled box."""
@@ -33,7 +34,7 @@ are missing there is always some disorder to be had."""
 MAX_WORK = 20_000_000
 """Hits looked at, at most, in a search for better orientations."""
 
-Signs = NDArray[np.int8]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +70,37 @@ def trace(mesh: Mesh, resolution: int) -> Columns:
     pnabs.geometry.load.InvalidMeshError
         If there are more than `MAX_HITS`.
     """
-    line, height, face, front = _trace(
-        mesh.vertices, mesh.faces, resolution, GRID_SIDE / resolution, *LINE_OFFSET, MAX_HITS
-    )
-    if len(line) > MAX_HITS:
-        raise InvalidMeshError(
-            f"large faces lie over each other too often: the lines of a {resolution}^3 grid meet "
-            f"them more than {MAX_HITS:,} times"
+    # a face has at most as many hits as there are lines
+    lines = 3 * resolution * resolution
+    space = 4 * len(mesh.faces) + 2 * lines
+    line, face = np.empty(space, dtype=np.int64), np.empty(space, dtype=np.int64)
+    height, front = np.empty(space), np.empty(space, dtype=np.int8)
+    step = GRID_SIDE / resolution
+    seen, count = 0, 0
+    while True:
+        seen, count = _trace(
+            *(mesh.vertices, mesh.faces, resolution, step, *LINE_OFFSET, seen, count),
+            *(line, height, face, front),
         )
-    starts, order = _sort(line, height, 3 * resolution * resolution)
+        if count > MAX_HITS:
+            raise InvalidMeshError(
+                f"large faces lie over each other too often: the lines of a {resolution}^3 grid "
+                f"meet them more than {MAX_HITS:,} times"
+            )
+        if seen == len(mesh.faces):
+            break
+        space = 2 * space + lines
+        line, face = _longer(line, space), _longer(face, space)
+        height, front = _longer(height, space), _longer(front, space)
+    line, face, height, front = line[:count], face[:count], height[:count], front[:count]
+    starts, order = _sort(line, height, lines)
     return Columns(resolution, starts, height[order], face[order], front[order])
+
+
+def _longer(array: NDArray[Scalar], space: int) -> NDArray[Scalar]:
+    longer = np.empty(space, dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer
 
 
 def inside_votes(columns: Columns, signs: Signs) -> NDArray[np.int8]:
@@ -152,6 +174,8 @@ def settle(
         pairs % lines_and_one,
         signs,
         own,
+        # those on most lines first
+        np.argsort(-np.diff(first), kind="stable"),
         MAX_WORK,
     )
     return signs < 0, float(own.sum())
@@ -186,19 +210,24 @@ def _left(value: float, vertices: Float64, a: int, b: int, u: int, v: int) -> bo
 
 @kernel
 def _trace(
-    vertices: Float64, faces: Int64, cells: int, step: float, offset_u: float, offset_v: float, limit: int
-) -> tuple[Int64, Float64, Int64, Signs]:
-    """Line, height, face and direction of every hit, by face."""
+    vertices: Float64,
+    faces: Int64,
+    cells: int,
+    step: float,
+    offset_u: float,
+    offset_v: float,
+    begin: int,
+    count: int,
+    line: Int64,
+    height: Float64,
+    face: Int64,
+    front: Signs,
+) -> tuple[int, int]:
+    """Note the hits of faces from `begin` on while there is room: next face, and hits so far."""
     first = 0.5 * step - 0.5 * step * cells
-    space = 4 * len(faces) + 1024
-    line = np.empty(space, dtype=np.int64)
-    height = np.empty(space)
-    face = np.empty(space, dtype=np.int64)
-    front = np.empty(space, dtype=np.int8)
-    count = 0
-    for f in range(len(faces)):
-        if count > limit:
-            break
+    for f in range(begin, len(faces)):
+        if count + 3 * cells * cells > len(line):
+            return f, count
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -212,14 +241,6 @@ def _trace(
             j_high = min(cells - 1, int(np.floor((max(v0, v1, v2) - offset_v - first) / step)))
             if j_low > j_high:
                 continue
-            most = count + (i_high - i_low + 1) * (j_high - j_low + 1)
-            if most > space:
-                grown = 2 * most
-                line = np.concatenate((line, np.empty(grown - space, dtype=np.int64)))
-                height = np.concatenate((height, np.empty(grown - space)))
-                face = np.concatenate((face, np.empty(grown - space, dtype=np.int64)))
-                front = np.concatenate((front, np.empty(grown - space, dtype=np.int8)))
-                space = grown
             z0, z1, z2 = vertices[a, axis], vertices[b, axis], vertices[c, axis]
             for i in range(i_low, i_high + 1):
                 pu = first + i * step + offset_u
@@ -241,7 +262,7 @@ def _trace(
                     # counter-clockwise from above: the front looks up the line, which leaves
                     front[count] = -1 if left else 1
                     count += 1
-    return line[:count], height[:count], face[:count], front[:count]
+    return len(faces), count
 
 
 @kernel
@@ -259,17 +280,17 @@ def _sort(line: Int64, height: Float64, lines: int) -> tuple[Int64, Int64]:
         filled[line[h]] += 1
     for i in range(lines):
         low, high = starts[i], starts[i + 1]
-        if high - low > 32:
-            own = order[low:high].copy()
-            order[low:high] = own[np.argsort(height[own], kind="mergesort")]
-            continue
-        for place in range(low + 1, high):
-            h = order[place]
-            gap = place
-            while gap > low and height[order[gap - 1]] > height[h]:
-                order[gap] = order[gap - 1]
-                gap -= 1
-            order[gap] = h
+        gap = high - low
+        while gap > 1:
+            # Shell's sort: most lines have a few hits, and some may have thousands
+            gap = max(1, gap * 5 // 11)
+            for place in range(low + gap, high):
+                h = order[place]
+                hole = place
+                while hole >= low + gap and height[order[hole - gap]] > height[h]:
+                    order[hole] = order[hole - gap]
+                    hole -= gap
+                order[hole] = h
     return starts, order
 
 
@@ -347,9 +368,7 @@ def _costs(
 
 
 @kernel
-def _own_lengths(
-    height: Float64, front: Signs, begin: Int64, first: Int64, own: Float64
-) -> None:
+def _own_lengths(height: Float64, front: Signs, begin: Int64, first: Int64, own: Float64) -> None:
     """Disorder of each patch alone, taken the worse way round."""
     for p in range(len(own)):
         upright, turned = 0.0, 0.0
@@ -380,12 +399,12 @@ def _settle(
     lines: Int64,
     signs: Signs,
     own: Float64,
+    order: Int64,
     work: int,
 ) -> None:
-    """Coordinate descent over patches, those on most lines first."""
+    """Coordinate descent over patches in an order."""
     cost = np.empty(len(starts) - 1)
     _costs(starts, height, owner, front, signs, cost)
-    order = np.argsort(first[:-1] - first[1:], kind="mergesort")
     better = True
     while better and work > 0:
         better = False

@@ -6,7 +6,7 @@ import numpy as np
 
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.orient import OrientedMesh
-from pnabs.geometry.solid import Open, Voxels, voxelise_parts
+from pnabs.geometry.solid import Voxels, voxelise_parts
 from pnabs.geometry.types import GRID_SIDE, THETA_D, Float32, Float64, Int64
 
 NUDGE = 1e-7
@@ -23,7 +23,7 @@ def unsigned_distance(prepared: OrientedMesh, resolution: int) -> Float32:
 
 
 def signed_distance(
-    prepared: OrientedMesh, resolution: int, open: Open = "fill", voxels: Voxels | None = None
+    prepared: OrientedMesh, resolution: int, voxels: Voxels | None = None
 ) -> Float32:
     """Distance of cell centres to the solid's surface, negative inside, (G, G, G) float32.
 
@@ -37,13 +37,11 @@ def signed_distance(
     prepared : OrientedMesh
     resolution : int
         Cells along a side of the grid, G.
-    open : "fill" or "shell"
-        As for `pnabs.geometry.solid.voxelise`.
     voxels : Voxels, optional
         The solid at the same resolution, if it is known already.
     """
     if voxels is None:
-        voxels = voxelise_parts(prepared, resolution, open)
+        voxels = voxelise_parts(prepared, resolution)
     distance, point = _nearest(prepared, resolution)
     cell = GRID_SIDE / resolution
     index = np.floor((point + GRID_SIDE / 2) / cell).astype(np.int64).clip(0, resolution - 1)

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.distance import signed_distance
+from pnabs.geometry.kernel import compiling
 from pnabs.geometry.mirror import detect_mirror
 from pnabs.geometry.normalise import normalise
+from pnabs.geometry.obj import parse_obj
 from pnabs.geometry.orient import prepare
 from pnabs.geometry.preview import preview
 from pnabs.geometry.sampling import sample_interior, sample_surface
@@ -22,6 +24,15 @@ RESOLUTION = 32
 
 FINE_RESOLUTION = 64
 """Grid of the finer occupancy, for samples and metrics."""
+
+
+_EVERY_KERNEL = b"""\
+v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
+f 1 3 2\nf 1 2 4\nf 2 3 4
+v 0 2 0\nv 1 2 0\nv .2 2.2 0\nv .1 3 0\nv 0 3 0
+f 5 6 7 8 9
+"""
+"""A mesh that needs all that is compiled: one with a hole, and a sheet that isn't convex."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +86,14 @@ def compute_fields(mesh: Mesh, settings: Ingest, layout: str, rng: np.random.Gen
         If no face has non-zero area.
     """
     normalised, transform = normalise(mesh)
-    prepared = prepare(normalised)
-    coarse = voxelise_parts(prepared, RESOLUTION, settings.solid.open)
-    fine = voxelise_parts(prepared, FINE_RESOLUTION, settings.solid.open)
+    prepared = prepare(normalised, settings.solid.open)
+    coarse = voxelise_parts(prepared, RESOLUTION)
+    fine = voxelise_parts(prepared, FINE_RESOLUTION)
     occupancy, occupancy_64 = coarse.occupancy, fine.occupancy
     return Fields(
         occupancy=occupancy,
         occupancy_64=occupancy_64,
-        sdf=signed_distance(prepared, RESOLUTION, settings.solid.open, coarse),
+        sdf=signed_distance(prepared, RESOLUTION, coarse),
         surface=sample_surface(prepared, settings.surface_points, rng, fine.core),
         interior=sample_interior(occupancy_64, settings.interior_points, rng),
         transform=transform,
@@ -123,7 +134,7 @@ def warm_up() -> None:
 
     Call it once before processes are forked, so that each doesn't compile for itself.
     """
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
-    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int64)
-    settings = Ingest(surface_points=1, interior_points=1)
-    compute_fields(Mesh(corners, faces), settings, "folder", np.random.default_rng(0))
+    with compiling():
+        mesh = parse_obj(_EVERY_KERNEL, max_faces=100)
+        settings = Ingest(surface_points=1, interior_points=1)
+        compute_fields(mesh, settings, "folder", np.random.default_rng(0))

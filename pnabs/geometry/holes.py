@@ -84,8 +84,7 @@ def close_rims(vertices: Float64, patches: Patches) -> Caps:
     centroids = np.full(len(lengths), -1, dtype=np.int64)
     centroids[long] = len(vertices) + np.arange(len(long))
     vertices = np.concatenate(
-        [vertices]
-        + [vertices[loop[starts[r] : starts[r + 1]]].mean(axis=0)[None] for r in long]
+        [vertices] + [vertices[loop[starts[r] : starts[r + 1]]].mean(axis=0)[None] for r in long]
     )
     faces = np.empty((int(counts.sum()), 3), dtype=np.int64)
     _close(vertices, loop, starts, centroids, faces)
@@ -182,9 +181,7 @@ def _rims(mate: Int64) -> tuple[Int64, Int64]:
 
 
 @kernel
-def _close(
-    vertices: Float64, loop: Int64, starts: Int64, centroids: Int64, faces: Int64
-) -> None:
+def _close(vertices: Float64, loop: Int64, starts: Int64, centroids: Int64, faces: Int64) -> None:
     """Triangles over each rim: of least total area, or a cone."""
     filled = 0
     for r in range(len(starts) - 1):
@@ -220,7 +217,9 @@ def _cast(
     key = cell.clip(0, bins - 1) @ np.array([bins, 1])
     order = np.argsort(key, kind="stable")
     starts = np.searchsorted(key[order], np.arange(bins * bins + 1))
-    _count(mesh.vertices, mesh.faces, patch, signs, points, owner, order, starts, bins, axis, counts)
+    _count(
+        mesh.vertices, mesh.faces, patch, signs, points, owner, order, starts, bins, axis, counts
+    )
 
 
 @kernel

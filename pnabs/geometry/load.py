@@ -72,9 +72,7 @@ def parse_mesh(
     if suffix in _TEXT_SUFFIXES:
         data = data.removeprefix(b"\xef\xbb\xbf")
     mesh = (
-        _read_obj(data, limits)
-        if suffix == ".obj"
-        else _parse(data, suffix, limits, read_sibling)
+        _read_obj(data, limits) if suffix == ".obj" else _parse(data, suffix, limits, read_sibling)
     )
     validate(mesh, limits)
     return mesh

@@ -15,6 +15,7 @@ from pnabs import settings
 from pnabs.geometry import cuboid
 from pnabs.geometry.crop import croppable
 from pnabs.geometry.inside import inside_grid
+from pnabs.geometry.kernel import compiling
 from pnabs.geometry.sampling import draw_on_triangles
 from pnabs.geometry.solidify import SolidMesh, SolidResult, make_solid, solidify
 from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Int64
@@ -283,18 +284,19 @@ def warm_up() -> None:
 
     Call it once before processes are forked, so that each doesn't load for itself.
     """
-    box = Cuboids.from_vector(np.array([[0.5, 0.5, 0.5, 1, 0, 0, 0, 0, 0, 0]]))
-    rng = np.random.default_rng(0)
-    samples = cuboid.sample_surface(box, 8, rng)[0]
-    options = settings.Abstract(metric_samples=8)
-    solid = solidify(box, Cuboids.empty(), options, rng)
-    measure(
-        box,
-        Cuboids.empty(),
-        solid,
-        occupancy=cuboid.voxelise(box, 32, raise_thin=True),
-        occupancy_64=cuboid.voxelise(box, 64, raise_thin=True),
-        surface=samples,
-        options=options,
-        rng=rng,
-    )
+    with compiling():
+        box = Cuboids.from_vector(np.array([[0.5, 0.5, 0.5, 1, 0, 0, 0, 0, 0, 0]]))
+        rng = np.random.default_rng(0)
+        samples = cuboid.sample_surface(box, 8, rng)[0]
+        options = settings.Abstract(metric_samples=8)
+        solid = solidify(box, Cuboids.empty(), options, rng)
+        measure(
+            box,
+            Cuboids.empty(),
+            solid,
+            occupancy=cuboid.voxelise(box, 32, raise_thin=True),
+            occupancy_64=cuboid.voxelise(box, 64, raise_thin=True),
+            surface=samples,
+            options=options,
+            rng=rng,
+        )

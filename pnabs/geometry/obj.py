@@ -161,9 +161,7 @@ def _finite_word(text: NDArray[np.uint8], at: int, end: int) -> bool:
 
 
 @kernel
-def _read(
-    text: NDArray[np.uint8], max_faces: int
-) -> tuple[Float64, Int64, Int64, Int64, int, int]:
+def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int64, Int64, int, int]:
     """Vertices, the polygons' corners, where each polygon starts and its line; what is wrong."""
     end = len(text)
     # "v 0 0 0" and a newline take 8 bytes, "f 1 2 3" too

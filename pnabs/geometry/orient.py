@@ -1,24 +1,26 @@
-"""Soup to oriented mesh: which side of every face looks out of the solid."""
+"""Soup to oriented mesh: which side of every face looks out of the solid, and what is missing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pnabs.geometry.columns import disorder, settle, trace
+from pnabs.geometry.columns import Columns, disorder, settle, trace
 from pnabs.geometry.holes import Caps, close_rims, enclosed_faces
 from pnabs.geometry.patches import join
-from pnabs.geometry.types import Bool, Float64, Int64, Mesh
+from pnabs.geometry.types import Bool, Float64, Int64, Mesh, Signs
 from pnabs.geometry.visibility import patch_votes
 from pnabs.geometry.weld import weld
 
+Open = Literal["fill", "shell"]
+
 CLEAR_VOTE = 1.5
-"""A patch is turned by what is seen of it only if one side is seen so many times as often."""
+"""An open patch is turned by what is seen of it only if one side is seen so many times as often."""
 
 JUDGE_RESOLUTION = 32
-"""Grid on which the two candidate orientations are compared."""
+"""Grid along whose columns orientations are compared."""
 
 TOLERANCE = 0.02
 """The file's own orientation stands if its disorder is at most this share of the length of line
@@ -32,13 +34,16 @@ class OrientedMesh:
     Attributes
     ----------
     mesh : Mesh
-        In the normalised frame.
+        In the normalised frame; the faces that close holes come last.
     patch : (F,) int64
         Consistently oriented manifold patch of each face, from 0.
+    open : "fill" or "shell"
+        Whether what an open tube or shade surrounds is solid.
     """
 
     mesh: Mesh
     patch: Int64
+    open: Open = "fill"
 
     @property
     def normals(self) -> Float64:
@@ -60,64 +65,86 @@ class OrientedMesh:
         return np.asarray(open_patch[self.patch])
 
 
-def prepare(mesh: Mesh, close: bool = True) -> OrientedMesh:
-    """Weld a soup and orient its faces.
+def prepare(mesh: Mesh, open: Open = "fill") -> OrientedMesh:
+    """Weld a soup, orient its faces, and close its holes.
 
-    Two candidates compete: patches turned so that what is seen of them from outside is their
-    front, and the faces as the file has them.  The file's stand where their winding numbers
-    on the grid are nearly whole and no worse than the candidate's: then somebody modelled
-    them with care, cavities and open bottoms included.
+    Patches that are closed, or whose holes all have their own inside behind them, look outward
+    if their volume is positive; others are turned so that what is seen of them from outside is
+    their front.  Then patches that leave the columns of the grid less than outside are turned
+    over.  The file's own orientation stands where it is hardly worse: then somebody modelled
+    it with care, cavities included.
 
     Parameters
     ----------
     mesh : Mesh
         In the normalised frame, at least one face of non-zero area.
+    open : "fill" or "shell"
+        Whether what an open tube or shade surrounds is solid, its ends closed.
+
+    Raises
+    ------
+    pnabs.geometry.load.InvalidMeshError
+        If too many large faces lie over each other (`pnabs.geometry.columns.MAX_HITS`).
     """
     welded = weld(mesh)
     patches = join(welded.faces)
-    patch, given = patches.patch, patches.given
+    patch = patches.patch
     oriented = Mesh(welded.vertices, patches.faces)
     caps = close_rims(welded.vertices, patches)
-    sealed = Mesh(caps.vertices, np.concatenate([patches.faces, caps.faces]))
-    owner = np.concatenate([patch, caps.patch])
-    volume = _patch_volumes(sealed, owner)
+    volume = _patch_volumes(*_with_caps(oriented, patch, caps, np.ones(len(caps.faces), bool)))
+
     flip = volume < 0
     kept = enclosed_faces(oriented, patch, volume, flip, caps)
     unclosed = np.zeros(len(flip), dtype=bool)
     unclosed[caps.patch[~kept]] = True
     if unclosed.any():
         sure = kept & ~unclosed[caps.patch]
-        flip = np.where(unclosed, _seen_backs(*_with_caps(oriented, patch, caps, sure), flip), flip)
+        seen = _backs_seen(*_with_caps(oriented, patch, caps, sure), flip)
+        flip = np.where(unclosed, seen, flip)
         kept = enclosed_faces(oriented, patch, volume, flip, caps)
+
     joined, owner = _with_caps(oriented, patch, caps, kept)
     columns = trace(joined, JUDGE_RESOLUTION)
-    flip, extent = settle(columns, owner, flip)
-    seen = _signs(flip, owner)
-    as_given = np.bincount(patch, given) < 0
-    signs = _signs(as_given, owner)
-    signs[: len(given)] = given
-    if disorder(columns, signs) <= disorder(columns, seen) + TOLERANCE * extent:
-        flip, _ = settle(columns, owner, as_given)
-        seen = np.where((flip == as_given)[owner], signs, _signs(flip, owner))
-    kept = enclosed_faces(oriented, patch, volume, flip, caps, among_all=True) & close
+    flip, signs = _settled(columns, owner, flip, patches.given)
+
+    kept = enclosed_faces(oriented, patch, volume, flip, caps, among_all=True) & (open == "fill")
     joined, owner = _with_caps(oriented, patch, caps, kept)
-    signs = np.concatenate([seen[: len(patch)], _signs(flip, caps.patch[kept])])
+    signs = np.concatenate([signs, _signs(flip, caps.patch[kept])])
     faces = np.where(signs[:, None] < 0, joined.faces[:, ::-1], joined.faces)
-    return OrientedMesh(Mesh(joined.vertices, np.ascontiguousarray(faces)), owner)
+    return OrientedMesh(Mesh(joined.vertices, np.ascontiguousarray(faces)), owner, open)
 
 
-def _signs(flip: Bool, patch: Int64) -> NDArray[np.int8]:
+def _settled(columns: Columns, patch: Int64, flip: Bool, given: Signs) -> tuple[Bool, Signs]:
+    """Which patches are turned over, and the signs of all faces but the caps' that come last.
+
+    From the orientation found, or from the file's own if that is hardly worse; there, patches
+    that aren't turned over keep even faces that contradict their neighbours.
+    """
+    flip, extent = settle(columns, patch, flip)
+    as_given = np.bincount(patch[: len(given)], given) < 0
+    signs = _signs(as_given, patch)
+    signs[: len(given)] = given
+    found = disorder(columns, _signs(flip, patch))
+    if disorder(columns, signs) > found + TOLERANCE * extent:
+        return flip, _signs(flip, patch)[: len(given)]
+    flip, _ = settle(columns, patch, as_given)
+    same = (flip == as_given)[patch]
+    return flip, np.where(same, signs, _signs(flip, patch))[: len(given)]
+
+
+def _signs(flip: Bool, patch: Int64) -> Signs:
     return np.where(flip, -1, 1).astype(np.int8)[patch]
 
 
 def _with_caps(mesh: Mesh, patch: Int64, caps: Caps, kept: Bool) -> tuple[Mesh, Int64]:
+    """A mesh followed by some faces of caps, and the patch of each face."""
     return (
         Mesh(caps.vertices, np.concatenate([mesh.faces, caps.faces[kept]])),
         np.concatenate([patch, caps.patch[kept]]),
     )
 
 
-def _seen_backs(mesh: Mesh, patch: Int64, otherwise: Bool) -> Bool:
+def _backs_seen(mesh: Mesh, patch: Int64, otherwise: Bool) -> Bool:
     """Patches of which mostly backs are seen, and where that is unclear those given."""
     front, back = patch_votes(mesh, patch).T
     unclear = np.maximum(front, back) <= CLEAR_VOTE * np.minimum(front, back)

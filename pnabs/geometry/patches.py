@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.types import Bool, Int64
+from pnabs.geometry.types import Bool, Int64, Signs
 
 CUT = 0.5
 """Patches end at edges where the file's faces contradict each other, if there are fewer such
 edges than this share of the faces that would have to be turned."""
-
-Signs = NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +73,8 @@ def join(faces: Int64) -> Patches:
         patch, given = _flood(mate, clash)
     turned = np.where(given[:, None] < 0, faces[:, ::-1], faces)
     # where a face is read backwards its half-edges come in another order
-    renamed = np.arange(len(mate)).reshape(-1, 3)
-    renamed[given < 0] = renamed[given < 0][:, [1, 0, 2]]
-    renamed = renamed.reshape(-1)
+    numbers = np.arange(len(mate)).reshape(-1, 3)
+    renamed = np.where(given[:, None] < 0, numbers[:, [1, 0, 2]], numbers).reshape(-1)
     paired = np.where(mate[renamed] >= 0, renamed[mate[renamed]], -1)
     turned = np.ascontiguousarray(turned)
     origin = turned.reshape(-1)

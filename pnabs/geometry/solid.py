@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy import ndimage
@@ -13,10 +12,9 @@ from pnabs.geometry.orient import OrientedMesh
 from pnabs.geometry.shell import surface_cells
 from pnabs.geometry.types import Bool
 
-Open = Literal["fill", "shell"]
-
 MIN_VOTES = 3
 """Half-rays, of six, that must say inside."""
+
 
 @dataclass(frozen=True, slots=True)
 class Voxels:
@@ -40,27 +38,27 @@ class Voxels:
         return self.core | self.thin
 
 
-def voxelise(prepared: OrientedMesh, resolution: int, open: Open = "fill") -> Bool:
+def voxelise(prepared: OrientedMesh, resolution: int) -> Bool:
     """The solid at cell centres, (G, G, G) bool; never empty.  See `voxelise_parts`."""
-    return voxelise_parts(prepared, resolution, open).occupancy
+    return voxelise_parts(prepared, resolution).occupancy
 
 
-def voxelise_parts(prepared: OrientedMesh, resolution: int, open: Open = "fill") -> Voxels:
+def voxelise_parts(prepared: OrientedMesh, resolution: int) -> Voxels:
     """The solid at cell centres, from signed crossings of six half-rays, plus thin parts.
+
+    With `prepared.open` "shell", cells that the outside reaches without passing a cell of the
+    surface are not solid, whatever the rays say.
 
     Parameters
     ----------
     prepared : OrientedMesh
     resolution : int
         Cells along a side of the grid, G.
-    open : "fill" or "shell"
-        Whether what an open tube or shade surrounds is solid.  With "shell", cells that the
-        outside reaches without passing a cell of the surface are not, whatever the rays say.
     """
     signs = np.ones(len(prepared.mesh.faces), dtype=np.int8)
     core = inside_votes(trace(prepared.mesh, resolution), signs) >= MIN_VOTES
     surface = surface_cells(prepared.mesh, resolution)
-    if open == "shell":
+    if prepared.open == "shell":
         core &= ~_outside(surface)
     thin = surface & ~_widened(core)
     return Voxels(core, thin)

@@ -23,6 +23,8 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+Signs = NDArray[np.int8]
+"""1, or -1 for what is taken turned over."""
 
 
 @dataclass(frozen=True, slots=True)

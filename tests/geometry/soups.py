@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
+from benchmarks.known_solids import concatenate
 from pnabs.geometry.types import GRID_SIDE, Bool, Float64, Mesh
 
 CELL = GRID_SIDE / 32
@@ -15,11 +16,7 @@ def as_mesh(shape: trimesh.Trimesh) -> Mesh:
 
 
 def merged(*meshes: Mesh) -> Mesh:
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]),
-    )
+    return concatenate(meshes)
 
 
 def box(sides: tuple[float, float, float], centre: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
@@ -60,28 +57,3 @@ def box_distance(points: Float64, sides: tuple[float, float, float], centre: Flo
 
 def iou(a: Bool, b: Bool) -> float:
     return float(np.count_nonzero(a & b) / np.count_nonzero(a | b))
-
-
-def spoil(mesh: Mesh, ways: str, rng: np.random.Generator) -> Mesh:
-    """Do to a mesh what modellers and converters do: several ways joined by `+`."""
-    vertices, faces = mesh.vertices, mesh.faces
-    for way in ways.split("+"):
-        chosen = rng.random(len(faces)) < 0.3
-        if way == "flip":
-            faces = np.where(chosen[:, None], faces[:, ::-1], faces)
-        elif way == "invert":
-            faces = faces[:, ::-1]
-        elif way == "repeat":
-            faces = np.concatenate([faces, faces[chosen]])
-        elif way == "double":
-            faces = np.concatenate([faces, faces[:, ::-1]])
-        elif way == "shuffle":
-            faces = rng.permutation(faces)
-        elif way == "tear":
-            faces = faces[rng.random(len(faces)) > 0.05]
-        elif way == "unweld":
-            vertices = vertices[faces].reshape(-1, 3)
-            faces = np.arange(len(vertices)).reshape(-1, 3)
-        else:
-            raise ValueError(way)
-    return Mesh(vertices, faces)

@@ -7,10 +7,11 @@ import pytest
 import trimesh
 from scipy import stats
 
+from benchmarks.known_solids import spoil
 from pnabs.geometry.orient import prepare
 from pnabs.geometry.sampling import draw_on_triangles, sample_interior, sample_surface
 from pnabs.geometry.types import GRID_SIDE, Mesh, cell_centres
-from tests.geometry.soups import CELL, as_mesh, box, box_distance, chair_parts, merged, sheet, spoil
+from tests.geometry.soups import CELL, as_mesh, box, box_distance, chair_parts, merged, sheet
 
 
 def generator(seed: int = 0) -> np.random.Generator:

@@ -12,13 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pnabs.geometry.crossing import RAY_OFFSET, crossing_counts
+from benchmarks.known_solids import spoil
+from pnabs.geometry.columns import LINE_OFFSET, inside_votes, trace
 from pnabs.geometry.load import InvalidMeshError
 from pnabs.geometry.normalise import normalise
-from pnabs.geometry.orient import OrientedMesh, prepare
+from pnabs.geometry.orient import Open, OrientedMesh, prepare
 from pnabs.geometry.shell import surface_cells
-from pnabs.geometry.solid import Open, voxelise, voxelise_parts
-from pnabs.geometry.types import GRID_SIDE, Bool, Mesh, cell_centres, grid_points
+from pnabs.geometry.solid import voxelise, voxelise_parts
+from pnabs.geometry.types import GRID_SIDE, Bool, Mesh, Signs, cell_centres, grid_points
 from pnabs.geometry.weld import weld
 from tests.geometry.soups import (
     CELL,
@@ -29,7 +30,6 @@ from tests.geometry.soups import (
     iou,
     merged,
     sheet,
-    spoil,
     tube,
 )
 
@@ -42,8 +42,12 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
 }
 
 
+def upright(mesh: Mesh) -> Signs:
+    return np.ones(len(mesh.faces), dtype=np.int8)
+
+
 def solid(mesh: Mesh, resolution: int = 32, open: Open = "fill") -> Bool:
-    return voxelise(prepare(normalise(mesh)[0]), resolution, open)
+    return voxelise(prepare(normalise(mesh)[0], open), resolution)
 
 
 def test_normalise_centres_scales_and_leads_back() -> None:
@@ -80,12 +84,10 @@ def test_a_mesh_thinner_than_the_weld_is_kept() -> None:
 
 def test_winding_of_overlapping_parts_agrees_with_the_exact_one() -> None:
     mesh = merged(*chair_parts())
-    signs = np.ones((1, len(mesh.faces)), dtype=np.int8)
-    votes, winding = crossing_counts(mesh, signs, 16)
+    votes = inside_votes(trace(mesh, 16), upright(mesh))
     exact = igl.winding_number(mesh.vertices, mesh.faces, grid_points(16)).reshape(16, 16, 16)
-    np.testing.assert_allclose(winding[0], exact, atol=1e-6)
     assert exact.max() > 1.5, "parts overlap"
-    np.testing.assert_array_equal(votes[0], np.where(exact > 0.5, 6, 0))
+    np.testing.assert_array_equal(votes, np.where(exact > 0.5, 6, 0))
 
 
 def test_a_ray_along_an_edge_meets_one_of_its_faces() -> None:
@@ -93,12 +95,11 @@ def test_a_ray_along_an_edge_meets_one_of_its_faces() -> None:
     shape = trimesh.creation.box((4, 4, 4)).subdivide().subdivide()
     place = np.rint(np.array(shape.vertices)).astype(int) + 2
     # rays along x run exactly through the lattice of vertices of the faces they meet
-    vertices = np.stack([ticks[place[:, k]] + (0.0, *RAY_OFFSET)[k] for k in range(3)], axis=1)
+    vertices = np.stack([ticks[place[:, k]] + (0.0, *LINE_OFFSET)[k] for k in range(3)], axis=1)
     mesh = Mesh(vertices, np.array(shape.faces))
-    signs = np.ones((1, len(mesh.faces)), dtype=np.int8)
-    votes, _ = crossing_counts(mesh, signs, 16)
-    assert votes[0, 3:13, 3:13, 3:13].min() == 6
-    assert votes[0, :2].max() == votes[0, 14:].max() == 0
+    votes = inside_votes(trace(mesh, 16), upright(mesh))
+    assert votes[3:13, 3:13, 3:13].min() == 6
+    assert votes[:2].max() == votes[14:].max() == 0
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
@@ -235,9 +236,10 @@ def test_no_soup_with_area_ends_empty(triangles: np.ndarray) -> None:
         with pytest.raises(InvalidMeshError):
             normalise(mesh)
         return
-    prepared: OrientedMesh = prepare(normalise(mesh)[0])
-    for open in ("fill", "shell"):
-        parts = voxelise_parts(prepared, 16, open)
+    openings: tuple[Open, ...] = ("fill", "shell")
+    for open in openings:
+        prepared: OrientedMesh = prepare(normalise(mesh)[0], open)
+        parts = voxelise_parts(prepared, 16)
         assert parts.occupancy.any()
         # no surface is farther than a cell from the solid
         centres = prepared.mesh.triangles.mean(axis=1)
