@@ -35,8 +35,8 @@ test-slow: $(VENV)/.ready ## the tests that take minutes
 	$(BIN)/pytest -m slow
 
 lint: $(VENV)/.ready ## style and one-way imports
-	$(BIN)/ruff check pnabs tests docs/reference.py
-	$(BIN)/ruff format --check pnabs tests docs/reference.py
+	$(BIN)/ruff check pnabs tests benchmarks docs/reference.py
+	$(BIN)/ruff format --check pnabs tests benchmarks docs/reference.py
 	$(BIN)/lint-imports
 
 types: $(VENV)/.ready ## static types

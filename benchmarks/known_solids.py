@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import igl
@@ -49,21 +49,31 @@ class KnownSolid:
         Part of each face.
     union : Mesh
         The exact union of the parts.
+    known : dict
+        Truths computed so far, by resolution.
     """
 
     name: str
     parts: Mesh
     component: Int64
     union: Mesh
+    known: dict[int, Bool] = field(default_factory=dict, compare=False, repr=False)
 
     def truth(self, resolution: int) -> Bool:
         """The solid at cell centres, thin parts included, (G, G, G) bool."""
-        winding = igl.fast_winding_number(
-            self.union.vertices, self.union.faces, grid_points(resolution)
-        )
-        core = np.asarray(winding > 0.5).reshape(resolution, resolution, resolution)
-        near = ndimage.binary_dilation(core, np.ones((3, 3, 3), dtype=bool))
-        return core | (surface_cells(self.union, resolution) & ~near)
+        if resolution not in self.known:
+            winding = igl.fast_winding_number(
+                self.union.vertices, self.union.faces, grid_points(resolution)
+            )
+            core = np.asarray(winding > 0.5).reshape(resolution, resolution, resolution)
+            self.known[resolution] = with_thin_parts(self.union, core)
+        return self.known[resolution]
+
+
+def with_thin_parts(mesh: Mesh, core: Bool) -> Bool:
+    """A solid and the cells that the surface passes where no solid lies next to them."""
+    near = ndimage.binary_dilation(core, np.ones((3, 3, 3), dtype=bool))
+    return core | (surface_cells(mesh, len(core)) & ~near)
 
 
 def concatenate(meshes: Sequence[Mesh]) -> Mesh:

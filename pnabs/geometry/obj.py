@@ -110,7 +110,7 @@ def _number(text: NDArray[np.uint8], at: int, end: int) -> tuple[float, int, boo
         exponent += -power if down else power
     value = float(mantissa)
     if mantissa != 0:
-        if exponent < -330:
+        if exponent < -400:
             value = 0.0
         elif exponent > 330:
             value = np.inf

@@ -19,7 +19,7 @@ STAGES = (
 )
 
 VERSIONS = {
-    "ingest": 1,
+    "ingest": 2,
     "train-positive": 1,
     "difference": 1,
     "train-negative": 1,
