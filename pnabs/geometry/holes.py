@@ -1,9 +1,10 @@
 """Holes in a mesh: their rims, the faces that close them, and which of them are worth closing.
 
 A box without its bottom, or a hull with a face torn out, bounds a solid all the same.  Each
-rim is closed by the surface of least area over it, and the cap stays where the mesh around
-it, seen from the cap's inner side, encloses that side: the same majority of half-rays that
-makes a voxel solid.  So a lone sheet, a frame, or a seat folded into a back stay open.
+rim is closed by a surface of little area that goes on as the faces beside it do, and the cap
+stays where the mesh around it, seen from the cap's inner side, encloses that side: the same
+majority of half-rays that makes a voxel solid.  So a lone sheet, a frame, or a seat folded
+into a back stay open.
 """
 
 from __future__ import annotations
@@ -16,6 +17,10 @@ from pnabs.geometry.kernel import kernel
 from pnabs.geometry.patches import Patches
 from pnabs.geometry.polygon import LONGEST_EXACT, triangulate
 from pnabs.geometry.types import GRID_SIDE, Bool, Float64, Int64, Mesh
+
+CONTINUE = 1.0
+"""Weight of a cap's going on as the faces beside it do, in mean lengths of the rim's edges: a
+missing triangle of a box is most often one that lay in its neighbour's plane."""
 
 MIN_VOTES = 3
 """Half-rays, of six, that must meet the mesh from its inside for a point to be enclosed."""
@@ -87,7 +92,9 @@ def close_rims(vertices: Float64, patches: Patches) -> Caps:
         [vertices] + [vertices[loop[starts[r] : starts[r + 1]]].mean(axis=0)[None] for r in long]
     )
     faces = np.empty((int(counts.sum()), 3), dtype=np.int64)
-    _close(vertices, loop, starts, centroids, faces)
+    normals = np.cross(*np.moveaxis(np.diff(vertices[patches.faces[corners // 3]], axis=1), 1, 0))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    _close(vertices, loop, starts, normals, centroids, CONTINUE, faces)
     rim = np.repeat(np.arange(len(lengths)), counts)
     rim_of = np.repeat(np.arange(len(lengths)), lengths)
     free = np.bincount(rim_of, patches.free[corners], len(lengths)) > 0
@@ -181,8 +188,16 @@ def _rims(mate: Int64) -> tuple[Int64, Int64]:
 
 
 @kernel
-def _close(vertices: Float64, loop: Int64, starts: Int64, centroids: Int64, faces: Int64) -> None:
-    """Triangles over each rim: of least total area, or a cone."""
+def _close(
+    vertices: Float64,
+    loop: Int64,
+    starts: Int64,
+    beside: Float64,
+    centroids: Int64,
+    weight: float,
+    faces: Int64,
+) -> None:
+    """Triangles over each rim: of least cost, or a cone."""
     filled = 0
     for r in range(len(starts) - 1):
         rim = loop[starts[r] : starts[r + 1]]
@@ -197,7 +212,15 @@ def _close(vertices: Float64, loop: Int64, starts: Int64, centroids: Int64, face
                 filled += 1
             continue
         # against the rim's direction, as every face on the other side of an edge
-        triangulate(vertices, rim[::-1].copy(), faces[filled : filled + n - 2])
+        polygon = rim[::-1].copy()
+        normals = np.empty((n, 3))
+        length = 0.0
+        for i in range(n):
+            normals[i] = beside[starts[r] + (n - 2 - i) % n]
+            a, b = vertices[rim[i]], vertices[rim[(i + 1) % n]]
+            length += np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+        mean = length / n
+        triangulate(vertices, polygon, normals, weight * mean, faces[filled : filled + n - 2])
         filled += n - 2
 
 

@@ -284,7 +284,7 @@ def _triangulate(vertices: Float64, corners: Int64, starts: Int64, faces: Int64)
                 filled += 2
                 continue
         elif n > 4 and n <= LONGEST_EXACT and not _convex(vertices, polygon):
-            triangulate(vertices, polygon, faces[filled : filled + n - 2])
+            triangulate(vertices, polygon, np.zeros((n, 3)), 0.0, faces[filled : filled + n - 2])
             filled += n - 2
             continue
         for i in range(1, n - 1):
