@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pnabs.dataset.samples.collection import make_model
@@ -32,6 +32,7 @@ def polygon(points: Float64) -> str:
     return "\n".join([*lines, "f " + " ".join(str(i + 1) for i in range(len(points)))])
 
 
+@settings(deadline=None)
 @given(st.floats(-1e300, 1e300))
 @example(5e-324)
 @example(-0.1)
@@ -118,6 +119,7 @@ def test_a_quad_is_cut_along_the_diagonal_inside() -> None:
     assert parsed(CORNERS + "f 1 2 3 4\n").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
+@settings(deadline=None)
 @given(st.integers(5, 40), st.integers(0, 10**6), st.integers(0, 39))
 def test_polygons_have_the_area_of_their_outline(corners: int, seed: int, start: int) -> None:
     rng = np.random.default_rng(seed)

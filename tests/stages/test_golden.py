@@ -1,0 +1,49 @@
+"""The bytes of a stage don't change unless its version does."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from pnabs.dataset.samples.collection import make_model
+from pnabs.geometry.fields import compute_fields
+from pnabs.geometry.load import parse_mesh
+from pnabs.settings import Ingest
+from pnabs.stages.context import model_rng
+from pnabs.stages.plan import VERSIONS
+
+# Printed by the test when it fails; `pnabs.stages.plan.VERSIONS` rises together with them.
+INGEST_VERSION = 2
+INGEST = {
+    "chair": ("ce8a46a5df6883d8", 28.2441, 42.0213, -4.9136),
+    "lamp": ("5e618d0fd6647a7b", -12.3359, -17.1812, -2.3325),
+    "ship": ("e8a8cd255c81c7d9", -7.5081, -94.7713, -6.6433),
+}
+
+
+def summary(category: str) -> tuple[str, float, float, float]:
+    """Digest of both solids; sums of the field, the surface samples and the interior ones."""
+    options = Ingest()
+    mesh = parse_mesh(make_model(category, 7, 4).obj.encode(), ".obj", options.limits)
+    rng = model_rng(0, "ingest", category, "golden")
+    found = compute_fields(mesh, options, "shapenet-v2", rng)
+    bits = np.packbits(np.concatenate([found.occupancy.ravel(), found.occupancy_64.ravel()]))
+    # weighted, so that no exchange of two values goes unnoticed
+    sums = (
+        float(values.astype(np.float64).ravel() @ np.linspace(-1, 1, values.size))
+        for values in (found.sdf, found.surface, found.interior)
+    )
+    return hashlib.sha256(bits.tobytes()).hexdigest()[:16], *sums
+
+
+@pytest.mark.parametrize("category", INGEST)
+def test_ingest(category: str) -> None:
+    assert VERSIONS["ingest"] == INGEST_VERSION, "new golden values belong to a new version"
+    digest, *sums = summary(category)
+    expected, *expected_sums = INGEST[category]
+    assert (digest, *(round(value, 4) for value in sums)) == (
+        expected,
+        *(pytest.approx(value, abs=2e-3) for value in expected_sums),
+    ), "the stage's bytes changed: raise its version, then note these values"
