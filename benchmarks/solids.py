@@ -104,19 +104,21 @@ def score(method: Method, models: list[KnownSolid], way: str, resolution: int) -
 def accuracy(models: list[KnownSolid], others: int, resolution: int, title: str) -> Iterator[str]:
     """Rows of the accuracy table: every way, every method.
 
-    The other methods are slow, and see only every so manieth model, `others` in all.
+    The other methods are slow, and see only every so manieth model, `others` in all; with
+    `others` 0 they are left out.
     """
-    step = max(1, len(models) // others)
+    step = max(1, len(models) // max(1, others))
+    methods = METHODS if others else {"pnabs": ours}
     yield ""
     yield f"### {title}, {resolution}³: IoU, median / 10th percentile (mean)"
     yield ""
-    chosen = {name: models if name == "pnabs" else models[::step] for name in METHODS}
+    chosen = {name: models if name == "pnabs" else models[::step] for name in methods}
     heads = [f"{name} ({len(some)})" for name, some in chosen.items()]
     yield "| way (models) | " + " | ".join(heads) + " |"
-    yield "| --- |" + " --- |" * len(METHODS)
+    yield "| --- |" + " --- |" * len(methods)
     for way in WAYS:
         cells = []
-        for name, method in METHODS.items():
+        for name, method in methods.items():
             x = np.array(score(method, chosen[name], way, resolution))
             cells.append(f"{np.median(x):.3f} / {np.quantile(x, 0.1):.3f} ({x.mean():.3f})")
         yield f"| {way} | " + " | ".join(cells) + " |"
@@ -299,8 +301,13 @@ def growth() -> Iterator[str]:
 @click.command()
 @click.option("--corpus", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--samples", default=30, show_default=True, help="Sample models a category.")
-@click.option("--others", default=24, show_default=True, help="Models that the others see.")
-@click.option("--resolution", default=(32,), multiple=True, show_default=True)
+@click.option(
+    "--others",
+    default=24,
+    show_default=True,
+    help="Models the others see, at the first resolution.",
+)
+@click.option("--resolution", type=int, default=(32, 64), multiple=True, show_default=True)
 @click.option("--every", default=4, show_default=True, help="Every so manieth mesh is timed.")
 @click.option("--sheet", type=click.Path(dir_okay=False, path_type=Path), help="Contact sheet.")
 def main(
@@ -321,12 +328,14 @@ def main(
     warm_up()
     made = list(sample_solids(samples))
     for side in resolution:
-        for row in accuracy(made, others, side, "Embedded samples"):
+        for row in accuracy(made, others if side == resolution[0] else 0, side, "Embedded samples"):
             click.echo(row)
     if corpus is not None:
         known = list(corpus_solids(corpus))
         for side in resolution:
-            for row in accuracy(known, others, side, "Closed models of the corpus"):
+            for row in accuracy(
+                known, others if side == resolution[0] else 0, side, "Closed models of the corpus"
+            ):
                 click.echo(row)
         for row in thin_and_fields(read_all(corpus), every):
             click.echo(row)
