@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.polygon import LONGEST_EXACT, doubled_area, triangulate
+from pnabs.geometry.polygon import polygon_mesh
 from pnabs.geometry.types import Float64, Int64, Mesh
 
 _OK, _NUMBER, _SHORT, _INDEX, _ZERO, _RANGE, _TOO_MANY = range(7)
@@ -34,10 +34,8 @@ def parse_obj(data: bytes, max_faces: int) -> Mesh:
     """Vertices and triangles of an OBJ file.
 
     Negative numbers count back from the last vertex so far; texture and normal numbers,
-    vertex colours and weights, and all other statements are passed over.  Polygons are
-    triangulated: quads along the diagonal that gives less area, others from their first
-    corner where they are convex, else for least area (of more than `LONGEST_EXACT` corners
-    from their first corner in any case).  Corners short of three make no face.
+    vertex colours and weights, and all other statements are passed over.  Corners short of
+    three make no face; more are triangulated (`pnabs.geometry.polygon.polygon_mesh`).
 
     Parameters
     ----------
@@ -59,7 +57,6 @@ def parse_obj(data: bytes, max_faces: int) -> Mesh:
         raise ObjError(f"line {line}: a face names a vertex before the first")
     if problem != _OK:
         raise ObjError(f"line {line}: {_PROBLEMS[problem]}")
-    sizes = np.diff(starts)
     beyond = np.flatnonzero(corners >= len(vertices))
     if len(beyond):
         line = lines[np.searchsorted(starts, beyond[0], side="right") - 1]
@@ -67,9 +64,7 @@ def parse_obj(data: bytes, max_faces: int) -> Mesh:
             f"line {line}: a face names vertex {corners[beyond[0]] + 1}, "
             f"but there are {len(vertices):,} vertices"
         )
-    faces = np.empty((int((sizes - 2).sum()), 3), dtype=np.int64)
-    _triangulate(vertices, corners, starts, faces)
-    return Mesh(vertices, faces)
+    return polygon_mesh(vertices, corners, starts)
 
 
 @kernel
@@ -129,13 +124,23 @@ def _blank(text: NDArray[np.uint8], at: int, end: int) -> int:
         c = text[at]
         if c == 32 or c == 9 or c == 11 or c == 12:
             at += 1
-        elif c == 92 and at + 1 < end and text[at + 1] == 10:
-            at += 2
-        elif c == 92 and at + 2 < end and text[at + 1] == 13 and text[at + 2] == 10:
-            at += 3
+        elif c == 92:
+            after = at + 1
+            while after < end and (text[after] == 32 or text[after] == 9):
+                after += 1
+            if after < end and text[after] != 10 and text[after] != 13:
+                break
+            crlf = after + 1 < end and text[after] == 13 and text[after + 1] == 10
+            at = after + 2 if crlf else after + 1
         else:
             break
-    return at
+    return min(at, end)
+
+
+@kernel
+def _splits(c: int) -> bool:
+    """Whether a character ends a keyword: a blank, or a backslash before a line's end."""
+    return c == 32 or c == 9 or c == 92
 
 
 @kernel
@@ -176,7 +181,7 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
     starts[0] = 0
     while at < end and problem == 0:
         at = _blank(text, at, end)
-        if at + 1 < end and text[at] == 118 and (text[at + 1] == 32 or text[at + 1] == 9):
+        if at + 1 < end and text[at] == 118 and _splits(text[at + 1]):
             at += 1
             for axis in range(3):
                 at = _blank(text, at, end)
@@ -193,7 +198,7 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
                     problem = 1
                     break
             vertex_count += 1
-        elif at + 1 < end and text[at] == 102 and (text[at + 1] == 32 or text[at + 1] == 9):
+        elif at + 1 < end and text[at] == 102 and _splits(text[at + 1]):
             at += 1
             first = corner_count
             while problem == 0:
@@ -245,49 +250,3 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
         problem,
         line,
     )
-
-
-@kernel
-def _convex(vertices: Float64, polygon: Int64) -> bool:
-    """Whether all fan triangles about the first corner turn the same way."""
-    n = len(polygon)
-    a = vertices[polygon[0]]
-    sx, sy, sz = 0.0, 0.0, 0.0
-    for turn in range(2):
-        for i in range(1, n - 1):
-            b, c = vertices[polygon[i]], vertices[polygon[i + 1]]
-            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-            if turn == 0:
-                sx, sy, sz = sx + nx, sy + ny, sz + nz
-            elif nx * sx + ny * sy + nz * sz < 0:
-                return False
-    return True
-
-
-@kernel
-def _triangulate(vertices: Float64, corners: Int64, starts: Int64, faces: Int64) -> None:
-    filled = 0
-    for p in range(len(starts) - 1):
-        polygon = corners[starts[p] : starts[p + 1]]
-        n = len(polygon)
-        if n == 4:
-            a, b = vertices[polygon[0]], vertices[polygon[1]]
-            c, d = vertices[polygon[2]], vertices[polygon[3]]
-            plain = doubled_area(a, b, c) + doubled_area(a, c, d)
-            if doubled_area(a, b, d) + doubled_area(b, c, d) < plain * (1 - 1e-9):
-                faces[filled, 0], faces[filled, 1] = polygon[0], polygon[1]
-                faces[filled, 2] = polygon[3]
-                faces[filled + 1, 0], faces[filled + 1, 1] = polygon[1], polygon[2]
-                faces[filled + 1, 2] = polygon[3]
-                filled += 2
-                continue
-        elif n > 4 and n <= LONGEST_EXACT and not _convex(vertices, polygon):
-            triangulate(vertices, polygon, np.zeros((n, 3)), 0.0, faces[filled : filled + n - 2])
-            filled += n - 2
-            continue
-        for i in range(1, n - 1):
-            faces[filled, 0], faces[filled, 1] = polygon[0], polygon[i]
-            faces[filled, 2] = polygon[i + 1]
-            filled += 1

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
+import manifold3d
 import numpy as np
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.types import Float64, Int64
+from pnabs.geometry.types import Float64, Int64, Mesh
 
 LONGEST_EXACT = 128
 """Polygons of more corners aren't triangulated for least area: it costs n^3."""
-
-
-@kernel
-def doubled_area(a: Float64, b: Float64, c: Float64) -> float:
-    """Twice the area of a triangle, from its corners (3,)."""
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return float(np.sqrt(nx * nx + ny * ny + nz * nz))
 
 
 @kernel
@@ -99,3 +91,90 @@ def triangulate(
         filled += 1
         stack.append((j, k))
         stack.append((i, j))
+
+
+def polygon_mesh(vertices: Float64, corners: Int64, starts: Int64) -> Mesh:
+    """A mesh of polygons as a mesh of triangles.
+
+    Quads are cut along the diagonal that gives less area, other polygons from their first
+    corner where they are convex and for least area where not.  Polygons of more corners than
+    `LONGEST_EXACT` that aren't convex are triangulated in the plane that fits them best.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+    corners : (C,) int64
+        Vertices of all polygons, one after another.
+    starts : (P + 1,) int64
+        First corner of each polygon, and their number; polygons have three corners or more.
+    """
+    faces = np.empty((int((np.diff(starts) - 2).sum()), 3), dtype=np.int64)
+    _triangulate_all(vertices, corners, starts, faces)
+    for p in np.flatnonzero(np.diff(starts) > LONGEST_EXACT):
+        polygon = corners[starts[p] : starts[p + 1]]
+        if np.isfinite(vertices[polygon]).all() and not _convex(vertices, polygon):
+            first = int(starts[p] - 2 * p)
+            better = _in_plane(vertices, polygon)
+            if better.shape == (len(polygon) - 2, 3):
+                faces[first : first + len(better)] = better
+    return Mesh(vertices, faces)
+
+
+def _in_plane(vertices: Float64, polygon: Int64) -> Int64:
+    """Triangles over a polygon, seen along its mean normal, (n - 2, 3) if it is simple there."""
+    points = vertices[polygon] - vertices[polygon].mean(axis=0)
+    scale = float(np.abs(points).max())
+    points = points / (scale if scale > 0 else 1.0)
+    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    # two axes across the normal that turn as it says
+    frame = np.linalg.svd(normal[None] if normal.any() else np.array([[0.0, 0.0, 1.0]]))[2]
+    across = frame[1:]
+    if np.dot(np.cross(across[0], across[1]), normal) < 0:
+        across = across[::-1]
+    return polygon[np.asarray(manifold3d.triangulate([points @ across.T]), dtype=np.int64)]
+
+
+@kernel
+def _convex(vertices: Float64, polygon: Int64) -> bool:
+    """Whether all fan triangles about the first corner turn the same way."""
+    n = len(polygon)
+    a = vertices[polygon[0]]
+    sx, sy, sz = 0.0, 0.0, 0.0
+    for turn in range(2):
+        for i in range(1, n - 1):
+            b, c = vertices[polygon[i]], vertices[polygon[i + 1]]
+            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            if turn == 0:
+                sx, sy, sz = sx + nx, sy + ny, sz + nz
+            elif nx * sx + ny * sy + nz * sz < 0:
+                return False
+    return True
+
+
+@kernel
+def _triangulate_all(vertices: Float64, corners: Int64, starts: Int64, faces: Int64) -> None:
+    filled = 0
+    for p in range(len(starts) - 1):
+        polygon = corners[starts[p] : starts[p + 1]]
+        n = len(polygon)
+        if n == 4:
+            a, b = vertices[polygon[0]], vertices[polygon[1]]
+            c, d = vertices[polygon[2]], vertices[polygon[3]]
+            plain = _normal(a, b, c)[3] + _normal(a, c, d)[3]
+            if _normal(a, b, d)[3] + _normal(b, c, d)[3] < plain * (1 - 1e-9):
+                faces[filled, 0], faces[filled, 1] = polygon[0], polygon[1]
+                faces[filled, 2] = polygon[3]
+                faces[filled + 1, 0], faces[filled + 1, 1] = polygon[1], polygon[2]
+                faces[filled + 1, 2] = polygon[3]
+                filled += 2
+                continue
+        elif n > 4 and n <= LONGEST_EXACT and not _convex(vertices, polygon):
+            triangulate(vertices, polygon, np.zeros((n, 3)), 0.0, faces[filled : filled + n - 2])
+            filled += n - 2
+            continue
+        for i in range(1, n - 1):
+            faces[filled, 0], faces[filled, 1] = polygon[0], polygon[i]
+            faces[filled, 2] = polygon[i + 1]
+            filled += 1
