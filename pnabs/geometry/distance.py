@@ -6,6 +6,7 @@ import numpy as np
 
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.orient import OrientedMesh
+from pnabs.geometry.pieces import MOST_PIECES, boxes
 from pnabs.geometry.solid import Voxels, voxelise_parts
 from pnabs.geometry.types import GRID_SIDE, THETA_D, Float32, Float64, Int64
 
@@ -128,41 +129,60 @@ def _band(
     first = 0.5 * cell - 0.5 * cell * cells
     low = np.zeros(3, dtype=np.int64)
     high = np.zeros(3, dtype=np.int64)
-    lo = np.zeros(3)
-    hi = np.zeros(3)
+    pieces = np.empty((MOST_PIECES, 2, 3))
     for f in range(len(triangles)):
         t = triangles[f]
-        for axis in range(3):
-            lo[axis] = min(t[0, axis], t[1, axis], t[2, axis])
-            hi[axis] = max(t[0, axis], t[1, axis], t[2, axis])
-            low[axis] = max(0, int(np.ceil((lo[axis] - width - first) / cell)))
-            high[axis] = min(cells - 1, int(np.floor((hi[axis] + width - first) / cell)))
-        nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
-        level = nx * t[0, 0] + ny * t[0, 1] + nz * t[0, 2]
-        for i in range(low[0], high[0] + 1):
-            px = first + i * cell
-            gap_x = max(lo[0] - px, 0.0, px - hi[0])
-            for j in range(low[1], high[1] + 1):
-                py = first + j * cell
-                gap_y = max(lo[1] - py, 0.0, py - hi[1])
-                gap_xy = gap_x * gap_x + gap_y * gap_y
-                for k in range(low[2], high[2] + 1):
-                    pz = first + k * cell
-                    best = squared[i, j, k]
-                    # neither the face's plane nor its box may be farther than the best so far
-                    height = nx * px + ny * py + nz * pz - level
-                    gap_z = max(lo[2] - pz, 0.0, pz - hi[2])
-                    bound = max(height * height, gap_xy + gap_z * gap_z)
-                    if bound >= best or bound > width * width:
-                        continue
-                    qx, qy, qz = _closest(px, py, pz, t)
-                    distance = (qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2
-                    if distance < best:
-                        squared[i, j, k] = distance
-                        nearest[i, j, k] = f
-                        point[i, j, k, 0] = qx
-                        point[i, j, k, 1] = qy
-                        point[i, j, k, 2] = qz
+        for piece in range(boxes(t[0], t[1], t[2], cell, pieces)):
+            lo, hi = pieces[piece, 0], pieces[piece, 1]
+            for axis in range(3):
+                low[axis] = max(0, int(np.ceil((lo[axis] - width - first) / cell)))
+                high[axis] = min(cells - 1, int(np.floor((hi[axis] + width - first) / cell)))
+            _give(t, normals[f], f, lo, hi, low, high, squared, nearest, point, cell, width)
+
+
+@kernel
+def _give(
+    t: Float64,
+    normal: Float64,
+    f: int,
+    lo: Float64,
+    hi: Float64,
+    low: Int64,
+    high: Int64,
+    squared: Float64,
+    nearest: Int64,
+    point: Float64,
+    cell: float,
+    width: float,
+) -> None:
+    """Give a face to the cells of a range, as far as they are within `width` of a piece of it."""
+    first = 0.5 * cell - 0.5 * cell * squared.shape[0]
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    level = nx * t[0, 0] + ny * t[0, 1] + nz * t[0, 2]
+    for i in range(low[0], high[0] + 1):
+        px = first + i * cell
+        gap_x = max(lo[0] - px, 0.0, px - hi[0])
+        for j in range(low[1], high[1] + 1):
+            py = first + j * cell
+            gap_y = max(lo[1] - py, 0.0, py - hi[1])
+            gap_xy = gap_x * gap_x + gap_y * gap_y
+            for k in range(low[2], high[2] + 1):
+                pz = first + k * cell
+                best = squared[i, j, k]
+                # neither the face's plane nor the piece's box may be farther than the best so far
+                height = nx * px + ny * py + nz * pz - level
+                gap_z = max(lo[2] - pz, 0.0, pz - hi[2])
+                bound = max(height * height, gap_xy + gap_z * gap_z)
+                if bound >= best or bound > width * width:
+                    continue
+                qx, qy, qz = _closest(px, py, pz, t)
+                distance = (qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2
+                if distance < best:
+                    squared[i, j, k] = distance
+                    nearest[i, j, k] = f
+                    point[i, j, k, 0] = qx
+                    point[i, j, k, 1] = qy
+                    point[i, j, k, 2] = qz
 
 
 @kernel

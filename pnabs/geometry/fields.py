@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,13 @@ from pnabs.geometry.kernel import compiling
 from pnabs.geometry.mirror import detect_mirror
 from pnabs.geometry.normalise import normalise
 from pnabs.geometry.obj import parse_obj
+from pnabs.geometry.off import parse_off
 from pnabs.geometry.orient import prepare
+from pnabs.geometry.ply import parse_ply
 from pnabs.geometry.preview import preview
 from pnabs.geometry.sampling import sample_interior, sample_surface
 from pnabs.geometry.solid import voxelise_parts
+from pnabs.geometry.stl import parse_stl
 from pnabs.geometry.types import GRID_SIDE, Bool, Float32, Float64, Mesh
 from pnabs.settings import Ingest
 
@@ -33,6 +37,30 @@ v 0 2 0\nv 1 2 0\nv .2 2.2 0\nv .1 3 0\nv 0 3 0
 f 5 6 7 8 9
 """
 """A mesh that needs all that is compiled: one with a hole, and a sheet that isn't convex."""
+
+
+_PLY = b"""ply
+format %s 1.0
+element vertex 3
+property uchar x
+property uchar y
+property uchar z
+element face 1
+property list uchar uchar vertex_indices
+end_header
+"""
+
+_OTHER_FORMATS: tuple[tuple[Callable[[bytes, int], Mesh], bytes], ...] = (
+    (parse_off, b"OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
+    (parse_stl, b"solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\nendsolid"),
+    *(
+        (parse_ply, _PLY % form + body)
+        for form, body in (
+            (b"ascii", b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
+            (b"binary_little_endian", bytes(9) + b"\3\0\1\2"),
+        )
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +163,8 @@ def warm_up() -> None:
     Call it once before processes are forked, so that each doesn't compile for itself.
     """
     with compiling():
+        for parse, data in _OTHER_FORMATS:
+            parse(data, 1)
         mesh = parse_obj(_EVERY_KERNEL, max_faces=100)
         settings = Ingest(surface_points=1, interior_points=1)
         compute_fields(mesh, settings, "folder", np.random.default_rng(0))

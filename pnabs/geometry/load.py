@@ -6,13 +6,16 @@ Materials and textures are never read.
 
 from __future__ import annotations
 
-import io
-import urllib.parse
 from collections.abc import Callable
 
 import numpy as np
 
-from pnabs.geometry.obj import ObjError, TooManyFacesError, parse_obj
+from pnabs.geometry.gltf import GltfError, parse_gltf
+from pnabs.geometry.obj import ObjError, parse_obj
+from pnabs.geometry.off import OffError, parse_off
+from pnabs.geometry.ply import PlyError, parse_ply
+from pnabs.geometry.polygon import TooManyFacesError
+from pnabs.geometry.stl import StlError, parse_stl
 from pnabs.geometry.types import Bool, Float64, Int64, Mesh
 from pnabs.settings import Limits
 
@@ -21,6 +24,9 @@ SUFFIXES = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf")
 
 EXTENT_RANGE = (1e-12, 1e12)
 """Longest sides of a bounding box that double precision can still work with."""
+
+COLLINEAR = 1e-12
+"""A face whose doubled area is this share of its longest side squared has no area."""
 
 _TEXT_SUFFIXES = (".obj", ".off", ".gltf")
 
@@ -71,9 +77,19 @@ def parse_mesh(
         raise InvalidMeshError("the file is empty")
     if suffix in _TEXT_SUFFIXES:
         data = data.removeprefix(b"\xef\xbb\xbf")
-    mesh = (
-        _read_obj(data, limits) if suffix == ".obj" else _parse(data, suffix, limits, read_sibling)
-    )
+    try:
+        mesh = _read(data, suffix, limits, read_sibling)
+    except TooManyFacesError:
+        raise InvalidMeshError(
+            f"the mesh has more than limits.max_faces = {limits.max_faces:,} faces"
+        ) from None
+    except MemoryError:
+        raise
+    except InvalidMeshError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise InvalidMeshError(f"not a readable {suffix} file ({reason})") from error
     validate(mesh, limits)
     return mesh
 
@@ -122,8 +138,12 @@ def has_area(mesh: Mesh) -> Bool:
             # all faces are points, or coordinates so far apart that no check can save them
             return np.full(len(corners), scale > 0.0)
         edges = edges / scale
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    return np.asarray((normals != 0).any(axis=1))
+    longest = np.max(
+        [(edge**2).sum(axis=1) for edge in (*np.moveaxis(edges, 1, 0), edges[:, 1] - edges[:, 0])],
+        axis=0,
+    )
+    doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return np.asarray(doubled > COLLINEAR * longest)
 
 
 def _check_indices(faces: Int64, vertex_count: int) -> None:
@@ -140,56 +160,25 @@ def _too_many_faces(count: int, limits: Limits) -> InvalidMeshError:
     )
 
 
-def _read_obj(data: bytes, limits: Limits) -> Mesh:
-    try:
-        return parse_obj(data, limits.max_faces)
-    except TooManyFacesError:
-        raise InvalidMeshError(
-            f"the mesh has more than limits.max_faces = {limits.max_faces:,} faces"
-        ) from None
-    except ObjError as error:
-        raise InvalidMeshError(str(error)) from None
-
-
-def _parse(
+def _read(
     data: bytes, suffix: str, limits: Limits, read_sibling: Callable[[str], bytes] | None
 ) -> Mesh:
-    """The file's parts with their node transforms, as one mesh, not yet validated."""
-    import trimesh  # half a second to import, and not every process reads meshes
-
-    siblings = _Siblings(read_sibling) if suffix == ".gltf" else None
+    """The file's triangles, not yet validated."""
     try:
-        scene = trimesh.load_scene(
-            io.BytesIO(data),
-            file_type=suffix[1:],
-            resolver=siblings,
-            process=False,
-            skip_materials=True,
-        )
-        nodes = [scene.graph[name] for name in scene.graph.nodes_geometry]
-        parts = [
-            (np.asarray(matrix, dtype=np.float64), scene.geometry[name])
-            for matrix, name in nodes
-            if isinstance(scene.geometry[name], trimesh.Trimesh)
-        ]
-        count = sum(len(part.faces) for _, part in parts)
-        if count > limits.max_faces:
-            raise _too_many_faces(count, limits)
-        return _concatenate(
-            [
-                (
-                    matrix,
-                    np.asarray(part.vertices, dtype=np.float64).reshape(-1, 3),
-                    np.asarray(part.faces, dtype=np.int64).reshape(-1, 3),
-                )
-                for matrix, part in parts
-            ]
-        )
-    except (InvalidMeshError, MemoryError):
-        raise
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise InvalidMeshError(f"not a readable {suffix} file ({reason})") from error
+        if suffix == ".obj":
+            return parse_obj(data, limits.max_faces)
+        if suffix == ".off":
+            return parse_off(data, limits.max_faces)
+        if suffix == ".ply":
+            return parse_ply(data, limits.max_faces)
+        if suffix == ".stl":
+            return parse_stl(data, limits.max_faces)
+        if suffix == ".glb" and data[:4] != b"glTF":
+            raise GltfError("it doesn't begin with glTF")
+        parts = parse_gltf(data, limits.max_faces, limits.max_bytes, read_sibling)
+    except (GltfError, ObjError, OffError, PlyError, StlError) as error:
+        raise InvalidMeshError(str(error)) from error.__cause__
+    return _concatenate(parts)
 
 
 def _concatenate(parts: list[tuple[Float64, Float64, Int64]]) -> Mesh:
@@ -207,20 +196,3 @@ def _concatenate(parts: list[tuple[Float64, Float64, Int64]]) -> Mesh:
     return Mesh(
         np.ascontiguousarray(np.concatenate(vertices)), np.ascontiguousarray(np.concatenate(faces))
     )
-
-
-class _Siblings(dict[str, bytes]):
-    """What a .gltf file names, by name, through the caller's reader."""
-
-    def __init__(self, read: Callable[[str], bytes] | None) -> None:
-        super().__init__()
-        self._read = read
-
-    def __missing__(self, name: str) -> bytes:
-        if self._read is None:
-            raise InvalidMeshError(f"the buffer {name!r} lies outside the file and can't be read")
-        try:
-            return self._read(urllib.parse.unquote(name))
-        except Exception as error:
-            reason = " ".join(str(error).split())[:200]
-            raise InvalidMeshError(f"the buffer {name!r} can't be read ({reason})") from error

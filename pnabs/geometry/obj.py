@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.polygon import polygon_mesh
+from pnabs.geometry.polygon import TooManyFacesError, polygon_mesh
 from pnabs.geometry.types import Float64, Int64, Mesh
 
 _OK, _NUMBER, _SHORT, _INDEX, _ZERO, _RANGE, _TOO_MANY = range(7)
@@ -24,10 +24,6 @@ _PROBLEMS = {
 
 class ObjError(ValueError):
     """What is wrong with an OBJ file, and in which line."""
-
-
-class TooManyFacesError(ObjError):
-    """More triangles than allowed."""
 
 
 def parse_obj(data: bytes, max_faces: int) -> Mesh:

@@ -12,6 +12,10 @@ LONGEST_EXACT = 128
 """Polygons of more corners aren't triangulated for least area: it costs n^3."""
 
 
+class TooManyFacesError(ValueError):
+    """More triangles than allowed."""
+
+
 @kernel
 def _normal(a: Float64, b: Float64, c: Float64) -> tuple[float, float, float, float]:
     """A triangle's unit normal, and twice its area."""

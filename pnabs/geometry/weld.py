@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from pnabs.geometry.load import COLLINEAR
 from pnabs.geometry.types import Bool, Float64, Int64, Mesh
 
 WELD_TOLERANCE = 1e-6
 """Vertices this close are one, in the normalised frame."""
-
-COLLINEAR = 1e-12
-"""A face whose doubled area is this share of its longest side squared has no area."""
 
 
 def weld(mesh: Mesh) -> Mesh:

@@ -11,8 +11,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pnabs.dataset.samples.collection import make_model
-from pnabs.geometry.obj import ObjError, TooManyFacesError, parse_obj
-from pnabs.geometry.polygon import LONGEST_EXACT
+from pnabs.geometry.obj import ObjError, parse_obj
+from pnabs.geometry.polygon import LONGEST_EXACT, TooManyFacesError
 from pnabs.geometry.types import Float64, Mesh
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
