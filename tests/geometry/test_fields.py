@@ -135,7 +135,8 @@ WARM = """
 import numpy as np
 from benchmarks.known_solids import spoil
 from pnabs.dataset.samples.collection import make_model
-from pnabs.geometry import columns, distance, holes, obj, off, patches, pieces, ply, polygon, shell, stl, visibility
+from pnabs.geometry import columns, distance, holes, obj, off, patches
+from pnabs.geometry import pieces, ply, polygon, shell, stl, visibility
 from pnabs.geometry.fields import compute_fields, warm_up
 from pnabs.geometry.load import parse_mesh
 from pnabs.settings import Ingest
@@ -143,7 +144,10 @@ from pnabs.settings import Ingest
 warm_up()
 kernels = [
     (module.__name__, name, kernel)
-    for module in (columns, distance, holes, obj, off, patches, pieces, ply, polygon, shell, stl, visibility)
+    for module in (
+        *(columns, distance, holes, obj, off, patches),
+        *(pieces, ply, polygon, shell, stl, visibility),
+    )
     for name, kernel in vars(module).items()
     if hasattr(kernel, "signatures")
 ]
