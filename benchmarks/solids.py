@@ -108,7 +108,9 @@ def accuracy(models: list[KnownSolid], others: int, resolution: int, title: str)
     `others` 0 they are left out.
     """
     step = max(1, len(models) // max(1, others))
-    methods = METHODS if others else {"pnabs": ours}
+    methods = {"pnabs": ours}
+    if others:
+        methods |= {"pnabs, the same": ours, **METHODS}
     yield ""
     yield f"### {title}, {resolution}³: IoU, median / 10th percentile (mean)"
     yield ""

@@ -20,6 +20,9 @@ from pnabs.geometry.types import GRID_SIDE, Float64, Int64, Mesh, Signs
 LINE_OFFSET = (1.3e-7, 2.9e-7)
 """Lines are moved sideways by this, so that none runs along an edge of a modelled box."""
 
+SLACK = 1e-9
+"""What rounding can take a line away from where a face's side crosses its row."""
+
 MAX_HITS = 2**24
 """Hits kept, at most: 25 bytes each.  Faces of a hundred times the shape's own size, laid over
 each other by the thousand, have more; no mesh that somebody modelled comes near."""
@@ -244,7 +247,21 @@ def _trace(
             z0, z1, z2 = vertices[a, axis], vertices[b, axis], vertices[c, axis]
             for i in range(i_low, i_high + 1):
                 pu = first + i * step + offset_u
-                for j in range(j_low, j_high + 1):
+                # where the face's sides meet the plane of this row of lines
+                low, high = np.inf, -np.inf
+                for side in range(3):
+                    m = faces[f, side]
+                    n = faces[f, (side + 1) % 3]
+                    mu, nu = vertices[m, u], vertices[n, u]
+                    if min(mu, nu) <= pu <= max(mu, nu):
+                        mv, nv = vertices[m, v], vertices[n, v]
+                        at = mv + (pu - mu) / (nu - mu) * (nv - mv) if mu != nu else mv
+                        low, high = min(low, at), max(high, at)
+                        if mu == nu:
+                            low, high = min(low, nv), max(high, nv)
+                begin = max(j_low, int(np.ceil((low - SLACK - offset_v - first) / step)))
+                stop = min(j_high, int(np.floor((high + SLACK - offset_v - first) / step)))
+                for j in range(begin, stop + 1):
                     pv = first + j * step + offset_v
                     ea = _side(vertices, b, c, u, v, pu, pv)
                     eb = _side(vertices, c, a, u, v, pu, pv)
