@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import stat
 import struct
 import zipfile
@@ -25,6 +26,7 @@ _BROKEN = (
 )
 _ENCRYPTED = 0x1
 _LONGEST_MEMBER = 4096
+_DEEPEST_MEMBER = 64
 _CHUNK = 2**20
 
 
@@ -39,6 +41,10 @@ class Archive:
     def folders(self) -> dict[str, dict[str, bool]]:
         """The members as a tree."""
         members = self.zip.namelist()
+        if any(member.count("/") > _DEEPEST_MEMBER for member in members):
+            raise SourceError(
+                f"{self.zip.filename}: a member lies more than {_DEEPEST_MEMBER} folders deep"
+            )
         if any(len(member) > _LONGEST_MEMBER for member in members):
             raise SourceError(
                 f"{self.zip.filename}: a member's path has over {_LONGEST_MEMBER} characters"
@@ -47,7 +53,8 @@ class Archive:
 
     def member(self, name: str, source: str) -> zipfile.ZipInfo:
         """A member that is safe to read, as far as the archive's directory tells."""
-        path_parts(name)
+        if not path_parts(name):
+            raise SourceError(f"{source}: names no member")
         try:
             info = self.zip.getinfo(name)
         except KeyError:
@@ -74,6 +81,11 @@ class Archive:
                     parts.append(part)
                     left -= len(part)
         except _BROKEN as error:
+            raise SourceError(f"{source}: damaged in its archive ({error})") from error
+        except OSError as error:
+            if error.errno != errno.EINVAL:
+                raise
+            # no disk's fault: the archive's directory sent the reader before its beginning
             raise SourceError(f"{source}: damaged in its archive ({error})") from error
         if left:
             raise SourceError(f"{source}: {left:,} bytes shorter than its archive declares")

@@ -29,7 +29,7 @@ class LocalStorage:
     def __init__(self, root: str | os.PathLike[str]) -> None:
         try:
             self.root = Path(root).resolve(strict=True)
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, ValueError) as error:
             raise DatasetError(f"dataset.root: there is no {os.fspath(root)}") from error
         self.is_archive = self.root.is_file()
         usable = zipfile.is_zipfile(self.root) if self.is_archive else self.root.is_dir()

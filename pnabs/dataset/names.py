@@ -10,6 +10,8 @@ _LONGEST_CATEGORY = 100
 _LONGEST_COMPONENT = 200
 # Control characters, the backslash, and lone surrogates (names that aren't UTF-8).
 _UNSAFE = re.compile("[\x00-\x1f\x7f-\x9f\\\\\ud800-\udfff]")
+# What the system takes for no name, or another.
+_NO_NAME = re.compile("[\0\\\\\ud800-\udc7f\udd00-\udfff]")
 _RESERVED_CATEGORIES = {"zarr.json"}
 
 
@@ -53,7 +55,8 @@ def path_parts(path: str) -> list[str]:
         If it is absolute or has `..` or anything else that could mean another file elsewhere.
     """
     parts = path.split("/") if path else []
-    if any(part in ("", ".", "..") or "\0" in part or "\\" in part for part in parts):
+    plain = all(part not in ("", ".", "..") and not _NO_NAME.search(part) for part in parts)
+    if not plain:
         raise SourceError(f"{path!r}: not a plain path below the dataset's root")
     return parts
 

@@ -27,8 +27,10 @@ Part = tuple[Float64, Float64, Int64]
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _UNSIGNED = (5121, 5123, 5125)
+_POSITIONS = (5120, 5121, 5122, 5123, 5126)
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quant")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_MOST_VALUES = 8_000_000
 
 
 class GltfError(ValueError):
@@ -64,6 +66,9 @@ def parse_gltf(
     chunk = None
     if data[:4] == b"glTF":
         data, chunk = _chunks(data)
+    # brackets and commas tell how many objects the text becomes, tens of bytes each
+    if sum(data.count(mark) for mark in (b"[", b"{", b",")) > _MOST_VALUES:
+        raise GltfError(f"its JSON has more than {_MOST_VALUES:,} values")
     try:
         tree = json.loads(data, parse_constant=_no_constant)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
@@ -140,6 +145,7 @@ class _File:
         self._left = max_bytes
         self._read_sibling = read_sibling
         self._buffers: dict[int, bytes] = {}
+        self._arrays: dict[tuple[int, str], NDArray[Any]] = {}
 
     def parts(self) -> list[Part]:
         """Every node's primitives."""
@@ -162,6 +168,8 @@ class _File:
                 faces += sum(len(triangles) for _, triangles in meshes[number])
                 if faces > self._max_faces:
                     raise TooManyFacesError
+                points = sum(len(points) for points, _ in meshes[number])
+                self._charge(points * 24, f"the vertices of node {index}")
                 out += [(matrix, points, triangles) for points, triangles in meshes[number]]
             children = node.get("children", [])
             if not isinstance(children, list):
@@ -170,6 +178,12 @@ class _File:
                 (_whole(child, f"a child of node {index}"), matrix) for child in reversed(children)
             ]
         return out
+
+    def _charge(self, size: int, what: str) -> None:
+        """Take bytes off what the arrays may have together."""
+        self._left -= size
+        if self._left < 0:
+            raise GltfError(f"{what}: the arrays together are larger than limits.max_bytes")
 
     def _roots(self) -> list[int]:
         if self._list("scenes"):
@@ -213,7 +227,7 @@ class _File:
             mode = primitive.get("mode", _TRIANGLES)
             if mode not in (_TRIANGLES, _STRIP, _FAN):
                 continue
-            if "KHR_draco_mesh_compression" in (primitive.get("extensions") or {}):
+            if "KHR_draco_mesh_compression" in str(primitive.get("extensions"))[:1000]:
                 raise GltfError(f"{what} is compressed by Draco, which isn't supported")
             attributes = primitive.get("attributes")
             if not isinstance(attributes, dict) or "POSITION" not in attributes:
@@ -228,25 +242,32 @@ class _File:
                     f"{what}: face indices run from {order.min()} to {order.max()}, "
                     f"but there are {len(points):,} vertices"
                 )
-            out.append((points, _faces(order, mode, what, self._max_faces)))
+            faces = _faces(order, mode, what, self._max_faces)
+            used, faces = np.unique(faces, return_inverse=True)
+            out.append((points[used], faces.reshape(-1, 3).astype(np.int64)))
         return out
 
     def _array(self, index: Any, kind: str, what: str) -> NDArray[Any]:
         """An accessor's values: float64 (n, 3) for VEC3, whole numbers (n, 1) for SCALAR."""
-        accessor = self._object("accessors", _whole(index, what))
+        number = _whole(index, what)
+        if (number, kind) not in self._arrays:
+            self._arrays[number, kind] = self._read(number, kind, what)
+        return self._arrays[number, kind]
+
+    def _read(self, number: int, kind: str, what: str) -> NDArray[Any]:
+        accessor = self._object("accessors", number)
         component = accessor.get("componentType")
-        if accessor.get("type") != kind or component not in _COMPONENTS:
+        if accessor.get("type") != kind or component not in list(_COMPONENTS):
             raise GltfError(
                 f"{what} are {accessor.get('type')!r} of component type {component!r}, "
                 f"not {kind} of a known one"
             )
-        if kind == "SCALAR" and component not in _UNSIGNED:
-            raise GltfError(f"{what} aren't of an unsigned type")
+        if component not in (_UNSIGNED if kind == "SCALAR" else _POSITIONS):
+            wanted = "an unsigned type" if kind == "SCALAR" else "floats or short whole numbers"
+            raise GltfError(f"{what} aren't of {wanted}")
         width = 3 if kind == "VEC3" else 1
         count = _whole(accessor.get("count"), f"the count of {what}")
-        self._left -= count * width * 8
-        if self._left < 0:
-            raise GltfError(f"{what}: the arrays together are larger than limits.max_bytes")
+        self._charge(count * width * 8, what)
         if "bufferView" in accessor:
             offset = _whole(accessor.get("byteOffset", 0), f"the offset of {what}")
             raw = self._rows(accessor["bufferView"], offset, count, component, width, what)

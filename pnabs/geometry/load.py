@@ -14,7 +14,7 @@ from pnabs.geometry.gltf import GltfError, parse_gltf
 from pnabs.geometry.obj import ObjError, parse_obj
 from pnabs.geometry.off import OffError, parse_off
 from pnabs.geometry.ply import PlyError, parse_ply
-from pnabs.geometry.polygon import TooManyFacesError
+from pnabs.geometry.polygon import PolygonError, TooManyFacesError
 from pnabs.geometry.stl import StlError, parse_stl
 from pnabs.geometry.types import Bool, Float64, Int64, Mesh
 from pnabs.settings import Limits
@@ -27,8 +27,6 @@ EXTENT_RANGE = (1e-12, 1e12)
 
 COLLINEAR = 1e-12
 """A face whose doubled area is this share of its longest side squared has no area."""
-
-_TEXT_SUFFIXES = (".obj", ".off", ".gltf")
 
 
 class InvalidMeshError(ValueError):
@@ -75,8 +73,7 @@ def parse_mesh(
         )
     if not data.strip():
         raise InvalidMeshError("the file is empty")
-    if suffix in _TEXT_SUFFIXES:
-        data = data.removeprefix(b"\xef\xbb\xbf")
+    data = data.removeprefix(b"\xef\xbb\xbf")
     try:
         mesh = _read(data, suffix, limits, read_sibling)
     except TooManyFacesError:
@@ -176,7 +173,7 @@ def _read(
         if suffix == ".glb" and data[:4] != b"glTF":
             raise GltfError("it doesn't begin with glTF")
         parts = parse_gltf(data, limits.max_faces, limits.max_bytes, read_sibling)
-    except (GltfError, ObjError, OffError, PlyError, StlError) as error:
+    except (GltfError, ObjError, OffError, PlyError, PolygonError, StlError) as error:
         raise InvalidMeshError(str(error)) from error.__cause__
     return _concatenate(parts)
 

@@ -24,7 +24,7 @@ _TYPES |= {"float": "f4", "double": "f8", "float32": "f4", "float64": "f8", "int
 _TYPES |= {"uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
 _INTEGERS = "|".join(name for name in _TYPES if _TYPES[name][0] != "f")
 _PROPERTY = re.compile(f"property (?:list ({_INTEGERS}) )?({'|'.join(_TYPES)}) ([^ ]+)")
-_OK, _SHORT, _LENGTH = range(3)
+_OK, _SHORT, _LENGTH, _ROW = range(4)
 _Array: TypeAlias = NDArray[Any]
 
 
@@ -71,15 +71,16 @@ def parse_ply(data: bytes, max_faces: int) -> Mesh:
     _check_room(elements, len(units), order)
     if "face" in elements and elements["face"].count > max_faces:
         raise TooManyFacesError
+    last = np.zeros(0, dtype=np.uint8)
     if not order:
-        units, at = _numbers(units)
+        units, last, at = _numbers(units)
         if at >= 0:
             word = data[start + at : start + at + 40].split()[0].decode("latin-1")
             raise PlyError(f"number {len(units) + 1:,} of the body is none: {word!r}")
     found: dict[str, tuple[list[_Array], Int64]] = {}
     at = 0
     for name, element in elements.items():
-        found[name], at = _read(units, order, at, element, wanted[name])
+        found[name], at = _read(units, last, order, at, element, wanted[name])
     rest = units[at:]
     if len(rest) and not (order and rest[:3].tobytes() in (b"\n", b"\r\n", b"\r")):
         unit = "bytes" if order else "numbers"
@@ -182,7 +183,12 @@ def _check_room(elements: dict[str, _Element], size: int, order: str) -> None:
 
 
 def _read(
-    units: _Array, order: str, at: int, element: _Element, wanted: list[str]
+    units: _Array,
+    last: NDArray[np.uint8],
+    order: str,
+    at: int,
+    element: _Element,
+    wanted: list[str],
 ) -> tuple[tuple[list[_Array], Int64], int]:
     """Values of an element's wanted properties and list lengths; where the element ends.
 
@@ -200,10 +206,12 @@ def _read(
     begins = np.empty((len(wanted), element.count if wanted else 0), dtype=np.int64)
     lengths = np.ones(begins.shape[1], dtype=np.int64)
     at, row, problem, length = _walk(
-        units, not order, order == ">", at, element.count, layout, begins, lengths
+        units, last, not order, order == ">", at, element.count, layout, begins, lengths
     )
     if problem == _SHORT:
         raise PlyError(f"the body ends within {element.row(row)}")
+    if problem == _ROW:
+        raise PlyError(f"{element.row(row)} doesn't end where its line does")
     if problem == _LENGTH:
         raise PlyError(f"{element.row(row)}: a list can't have length {length:.15g}")
     found = []
@@ -217,21 +225,26 @@ def _read(
 
 
 @kernel
-def _numbers(text: NDArray[np.uint8]) -> tuple[Float64, int]:
-    """All numbers, and where the first word is that is none, or -1."""
+def _numbers(text: NDArray[np.uint8]) -> tuple[Float64, NDArray[np.uint8], int]:
+    """All numbers, which end a line, and where the first word is that is none, or -1."""
     end = len(text)
     numbers = np.empty(end // 2 + 1)
+    last = np.zeros(end // 2 + 1, dtype=np.uint8)
     count, at = 0, 0
     while True:
         while at < end and (text[at] == 32 or 9 <= text[at] <= 13):
+            if count > 0 and (text[at] == 10 or text[at] == 13):
+                last[count - 1] = 1
             at += 1
         if at >= end:
-            return numbers[:count], -1
+            if count > 0:
+                last[count - 1] = 1
+            return numbers[:count], last[:count], -1
         first = at
         if _finite_word(text, at, end):
             numbers[count], at, good = _number(text, at, end)
             if not good or (at < end and not (text[at] == 32 or 9 <= text[at] <= 13)):
-                return numbers[:count], first
+                return numbers[:count], last[:count], first
         else:
             numbers[count] = np.nan
             while at < end and not (text[at] == 32 or 9 <= text[at] <= 13):
@@ -242,6 +255,7 @@ def _numbers(text: NDArray[np.uint8]) -> tuple[Float64, int]:
 @kernel
 def _walk(
     units: _Array,
+    last: NDArray[np.uint8],
     text: bool,
     big: bool,
     at: int,
@@ -282,6 +296,9 @@ def _walk(
                     return at, row, _SHORT, 0.0
             if column >= 0:
                 begins[column, row], lengths[row] = begin, length
+        # a count that lies can fall into step again, but not with the lines
+        if text and last[at - 1] == 0:
+            return at, row, _ROW, 0.0
     return at, rows, _OK, 0.0
 
 

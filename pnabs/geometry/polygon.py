@@ -9,7 +9,18 @@ from pnabs.geometry.kernel import kernel
 from pnabs.geometry.types import Float64, Int64, Mesh
 
 LONGEST_EXACT = 128
-"""Polygons of more corners aren't triangulated for least area: it costs n^3."""
+"""Rims of more corners aren't closed at least cost: that takes n^3 steps."""
+
+LONGEST_BENT = 32
+"""Polygons of more corners are taken to be flat, and triangulated in their plane."""
+
+
+MOST_CORNERS = 10_000
+"""Corners of a polygon that isn't convex: cutting it takes the square of them."""
+
+
+class PolygonError(ValueError):
+    """A polygon that can't be triangulated at a bearable cost."""
 
 
 class TooManyFacesError(ValueError):
@@ -102,7 +113,7 @@ def polygon_mesh(vertices: Float64, corners: Int64, starts: Int64) -> Mesh:
 
     Quads are cut along the diagonal that gives less area, other polygons from their first
     corner where they are convex and for least area where not.  Polygons of more corners than
-    `LONGEST_EXACT` that aren't convex are triangulated in the plane that fits them best.
+    `LONGEST_BENT` that aren't convex are triangulated in the plane that fits them best.
 
     Parameters
     ----------
@@ -111,12 +122,22 @@ def polygon_mesh(vertices: Float64, corners: Int64, starts: Int64) -> Mesh:
         Vertices of all polygons, one after another.
     starts : (P + 1,) int64
         First corner of each polygon, and their number; polygons have three corners or more.
+
+    Raises
+    ------
+    PolygonError
+        If one has more than `MOST_CORNERS` and isn't convex.
     """
     faces = np.empty((int((np.diff(starts) - 2).sum()), 3), dtype=np.int64)
     _triangulate_all(vertices, corners, starts, faces)
-    for p in np.flatnonzero(np.diff(starts) > LONGEST_EXACT):
+    for p in np.flatnonzero(np.diff(starts) > LONGEST_BENT):
         polygon = corners[starts[p] : starts[p + 1]]
         if np.isfinite(vertices[polygon]).all() and not _convex(vertices, polygon):
+            if len(polygon) > MOST_CORNERS:
+                raise PolygonError(
+                    f"a polygon of {len(polygon):,} corners that isn't convex; "
+                    f"at most {MOST_CORNERS:,} can be triangulated"
+                )
             first = int(starts[p] - 2 * p)
             better = _in_plane(vertices, polygon)
             if better.shape == (len(polygon) - 2, 3):
@@ -174,7 +195,7 @@ def _triangulate_all(vertices: Float64, corners: Int64, starts: Int64, faces: In
                 faces[filled + 1, 2] = polygon[3]
                 filled += 2
                 continue
-        elif n > 4 and n <= LONGEST_EXACT and not _convex(vertices, polygon):
+        elif n > 4 and n <= LONGEST_BENT and not _convex(vertices, polygon):
             triangulate(vertices, polygon, np.zeros((n, 3)), 0.0, faces[filled : filled + n - 2])
             filled += n - 2
             continue

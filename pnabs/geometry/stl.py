@@ -59,7 +59,7 @@ def _parse_text(data: bytes, max_faces: int) -> Mesh:
     if problem:
         raise StlError(f"line {line}: {_PROBLEMS[problem]}")
     if not data.rstrip().splitlines()[-1].lstrip().lower().startswith(b"endsolid"):
-        raise StlError("it doesn't end with endsolid: it may be cut off")
+        raise StlError("its last line isn't endsolid: it may be cut off")
     if len(vertices) > 3 * max_faces:
         raise TooManyFacesError
     return _soup(vertices)

@@ -291,3 +291,32 @@ def test_siblings_share_a_limit(inside: Path) -> None:
     assert read("model.obj") == MESH
     with pytest.raises(SourceError, match="over the limit"):
         read("model.obj")
+
+
+def test_members_that_lie_too_deep_cost_nothing(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "deep.zip", "w") as file:
+        file.writestr("a/" * 200 + "model.obj", b"")
+    with pytest.raises(SourceError, match="more than 64 folders deep"):
+        Dataset(tmp_path / "deep.zip").list("!")
+
+
+def test_names_that_the_system_can_t_take(inside: Path, make_zip: MakeFolder) -> None:
+    archive = make_zip(inside / "lamp.zip", ["lamp/b/model.obj"])
+    for name in ("\ud800.obj", "a\0b.obj"):
+        with pytest.raises(SourceError, match="not a plain path"):
+            Dataset(inside).read(name, MAX)
+        with pytest.raises(DatasetError, match="there is no"):
+            Dataset(inside / name)
+    with pytest.raises(SourceError, match="names no member"):
+        Dataset(archive).read("!", MAX)
+
+
+def test_a_directory_that_sends_the_reader_before_the_file(
+    inside: Path, make_zip: MakeFolder
+) -> None:
+    archive = make_zip(inside / "lamp.zip", ["lamp/b/model.obj"])
+    data = bytearray(archive.read_bytes())
+    struct.pack_into("<I", data, data.rfind(b"PK\5\6") + 16, 2**32 - 2)
+    archive.write_bytes(data)
+    with pytest.raises(SourceError, match=r"damaged|not a readable zip"):
+        Dataset(inside).read("lamp.zip!lamp/b/model.obj", MAX)

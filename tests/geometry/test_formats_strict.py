@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import struct
+import urllib.parse
 from typing import Any
 
 import numpy as np
@@ -126,7 +127,7 @@ QUAD = b"vertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\n"
         (stl()[:83], "within its header"),
         (b"\0" * 200, "says 0 facets"),
         (stl(text=True)[:-40], "line"),
-        (stl(text=True).rsplit(b"endsolid", 1)[0], "doesn't end with endsolid"),
+        (stl(text=True).rsplit(b"endsolid", 1)[0], "last line isn't endsolid"),
         (b"solid\nfacet\nouter loop\n" + QUAD + b"endloop\nendfacet\nendsolid", "line 9: a facet"),
         (b"solid\nvertex 0 0 0\nendsolid", "line 2: a vertex outside"),
         (b"solid\nfacet\nvertex 0 0 z\nendsolid", "line 3: not a number"),
@@ -296,6 +297,7 @@ LIES = {
     "mesh missing": (changed("nodes", 0, mesh=1), "meshes\\[1\\] is named but"),
     "scene missing": (tree(scene=1), "scenes\\[1\\] is named but"),
     "signed indices": (changed("accessors", 1, componentType=5122), "unsigned"),
+    "positions of whole numbers": (changed("accessors", 0, componentType=5125), "aren't of floats"),
     "positions of two": (changed("accessors", 0, type="VEC2"), "not VEC3"),
     "index beyond": (changed("accessors", 0, count=7), "from 0 to 7, but there are 7"),
     "corners odd": (changed("accessors", 1, count=35), "make no triangles"),
@@ -335,6 +337,30 @@ def test_gltf_limits_hold_for_instances_and_overlapping_views() -> None:
     )
     with pytest.raises(GltfError, match="larger than limits.max_bytes"):
         read(many, max_bytes=10_000)
+
+
+def test_gltf_vertices_count_as_often_as_they_are_placed_and_arrays_once() -> None:
+    lone = {"componentType": 5126, "count": 40_000, "type": "VEC3", "bufferView": 0}
+    blob = np.zeros((40_000, 3), dtype="<f4")
+    blob[:8] = POINTS
+    data = blob.tobytes() + INDICES.tobytes()
+    made = tree(
+        accessors=[lone, tree()["accessors"][1]],
+        buffers=[{"byteLength": len(data), "uri": "data:," + urllib.parse.quote_from_bytes(data)}],
+        bufferViews=[
+            {"buffer": 0, "byteLength": blob.nbytes},
+            {"buffer": 0, "byteOffset": blob.nbytes, "byteLength": 72},
+        ],
+        meshes=[{"primitives": tree()["meshes"][0]["primitives"] * 50}],
+        nodes=[{"mesh": 0}] * 20,
+        scenes=[{"nodes": list(range(20))}],
+    )
+    parts = parse_gltf(json.dumps(made).encode(), MANY, 2**21)
+    # of the vertices only those in use are placed
+    assert {len(points) for _, points, _ in parts} == {8}
+    assert len(parts) == 1000
+    with pytest.raises(GltfError, match=r"the vertices of node \d+: the arrays together"):
+        parse_gltf(json.dumps(made).encode(), MANY, 40_000 * 24 + 36 * 8 + 10 * 50 * 8 * 24)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pnabs.dataset.samples.collection import make_model
 from pnabs.geometry.obj import ObjError, parse_obj
-from pnabs.geometry.polygon import LONGEST_EXACT, TooManyFacesError
+from pnabs.geometry.polygon import LONGEST_EXACT, PolygonError, TooManyFacesError
 from pnabs.geometry.types import Float64, Mesh
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -140,6 +140,20 @@ def test_a_very_long_polygon_is_a_fan() -> None:
     angle = np.arange(count) * (2 * np.pi / count)
     mesh = parsed(polygon(np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)))
     assert area(mesh) == pytest.approx(np.pi, rel=1e-3)
+
+
+def test_a_long_polygon_that_isn_t_convex_is_cut_in_its_plane() -> None:
+    for count in (40, 1000):
+        angle = np.arange(count) * (2 * np.pi / count)
+        radius = np.where(np.arange(count) % 2, 1.0, 0.4)
+        flat = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=1)
+        turn = np.linalg.qr(np.random.default_rng(count).normal(size=(3, 3)))[0]
+        mesh = parsed(polygon(flat @ turn.T))
+        assert area(mesh) == pytest.approx(count / 2 * 0.4 * np.sin(2 * np.pi / count))
+    comb = np.stack([np.arange(20_002), np.arange(20_002) % 2, np.zeros(20_002)], axis=1)
+    comb[-1] = [10_000, -5, 0]
+    with pytest.raises(PolygonError, match="20,002 corners"):
+        parsed(polygon(comb))
 
 
 @pytest.mark.parametrize("category", ["chair", "airplane", "lamp", "ship"])

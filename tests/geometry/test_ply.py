@@ -100,10 +100,12 @@ def test_all_else_is_passed_over(order: str) -> None:
     assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_ascii_values_need_no_lines_and_other_lists_are_passed_over() -> None:
+def test_ascii_rows_end_with_their_lines_and_other_lists_are_passed_over() -> None:
     lists = "property list int float texcoord\n" + LIST + "property uchar flag\n"
-    found = parsed(square("2 .5 -nan 3\t0 1\r\n2 255 0 3 0 2 3 1", 2, lists))
+    found = parsed(square("2 .5 -nan 3\t0 1\r\n2 255\n0 3 0 2 3 1", 2, lists))
     assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    with pytest.raises(PlyError, match="face 1 of 2 doesn't end where its line does"):
+        parsed(square("4 0 1 2\n3 0 2 3 1", 2))
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
@@ -117,7 +119,7 @@ def test_line_ends(end: str) -> None:
 
 
 def test_words_for_nan_in_coordinates() -> None:
-    text = header("", 4, 0) + "nan 0 0 0 -inf 0 0 0 Infinity 1e3 -2.5 +.5"
+    text = header("", 4, 0) + "nan 0 0\n0 -inf 0\n0 0 Infinity\n1e3 -2.5 +.5"
     found = parsed(text).vertices
     assert np.isnan(found).sum() == 3
     assert found[3].tolist() == [1000, -2.5, 0.5]
@@ -177,7 +179,8 @@ def test_headers_that_make_no_sense(old: str, new: str, message: str) -> None:
     ("faces", "message"),
     [
         ("3 0 1", "the body ends within face 1 of 1"),
-        ("3 0 1 2 3", "holds more than the header says: 1 numbers more"),
+        ("3 0 1 2 3", "face 1 of 1 doesn't end where its line does"),
+        ("3 0 1 2\n3", "holds more than the header says: 1 numbers more"),
         ("3 0 1 4", "face 1 of 1: 4 is no index of 4 vertices, of type int32"),
         ("3 0 1 -1", "face 1 of 1: -1 is no index"),
         ("3 0 1 1.5", "face 1 of 1: 1.5 is no index"),
