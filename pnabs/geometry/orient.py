@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from pnabs.geometry.columns import Columns, disorder, settle, trace
+from pnabs.geometry.columns import Columns, trace
+from pnabs.geometry.disorder import disorder, settle
 from pnabs.geometry.holes import Caps, close_rims, enclosed_faces
 from pnabs.geometry.patches import join
 from pnabs.geometry.types import Bool, Float64, Int64, Mesh, Signs

@@ -135,7 +135,7 @@ WARM = """
 import numpy as np
 from benchmarks.known_solids import spoil
 from pnabs.dataset.samples.collection import make_model
-from pnabs.geometry import columns, distance, holes, obj, off, patches
+from pnabs.geometry import columns, disorder, distance, holes, obj, off, patches
 from pnabs.geometry import pieces, ply, polygon, shell, stl, visibility
 from pnabs.geometry.fields import compute_fields, warm_up
 from pnabs.geometry.load import parse_mesh
@@ -145,7 +145,7 @@ warm_up()
 kernels = [
     (module.__name__, name, kernel)
     for module in (
-        *(columns, distance, holes, obj, off, patches),
+        *(columns, disorder, distance, holes, obj, off, patches),
         *(pieces, ply, polygon, shell, stl, visibility),
     )
     for name, kernel in vars(module).items()
