@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.polygon import TooManyFacesError, polygon_mesh
 from pnabs.geometry.types import Float64, Int64, Mesh
+from pnabs.geometry.words import blank, decimal, ends, finite_word, next_line
 
 _OK, _NUMBER, _SHORT, _INDEX, _ZERO, _RANGE, _TOO_MANY = range(7)
 _PROBLEMS = {
@@ -64,101 +65,9 @@ def parse_obj(data: bytes, max_faces: int) -> Mesh:
 
 
 @kernel
-def _number(text: NDArray[np.uint8], at: int, end: int) -> tuple[float, int, bool]:
-    """A decimal number, where it ends, and whether it is one.  Correct to the last place or two."""
-    negative = text[at] == 45
-    if text[at] == 45 or text[at] == 43:
-        at += 1
-    mantissa = 0
-    exponent = 0
-    digits = 0
-    point = False
-    while at < end:
-        c = text[at]
-        if 48 <= c <= 57:
-            digits += 1
-            if mantissa < 900_000_000_000_000_000:
-                mantissa = mantissa * 10 + (c - 48)
-                exponent -= 1 if point else 0
-            else:
-                exponent += 0 if point else 1
-        elif c == 46 and not point:
-            point = True
-        else:
-            break
-        at += 1
-    good = digits > 0
-    if good and at < end and (text[at] == 101 or text[at] == 69):
-        at += 1
-        down = at < end and text[at] == 45
-        if at < end and (text[at] == 45 or text[at] == 43):
-            at += 1
-        power = 0
-        good = at < end and 48 <= text[at] <= 57
-        while at < end and 48 <= text[at] <= 57:
-            power = min(power * 10 + (text[at] - 48), 100_000)
-            at += 1
-        exponent += -power if down else power
-    value = float(mantissa)
-    if mantissa != 0:
-        if exponent < -400:
-            value = 0.0
-        elif exponent > 330:
-            value = np.inf
-        elif exponent < 0:
-            # in two steps, as 1e-300 and less has no reciprocal
-            value = value / 10.0 ** min(-exponent, 290) / 10.0 ** max(-exponent - 290, 0)
-        else:
-            value = value * 10.0 ** min(exponent, 290) * 10.0 ** max(exponent - 290, 0)
-    return (-value if negative else value), at, good
-
-
-@kernel
-def _blank(text: NDArray[np.uint8], at: int, end: int) -> int:
-    """Past blanks, and past line ends that a backslash takes back."""
-    while at < end:
-        c = text[at]
-        if c == 32 or c == 9 or c == 11 or c == 12:
-            at += 1
-        elif c == 92:
-            after = at + 1
-            while after < end and (text[after] == 32 or text[after] == 9):
-                after += 1
-            if after < end and text[after] != 10 and text[after] != 13:
-                break
-            crlf = after + 1 < end and text[after] == 13 and text[after + 1] == 10
-            at = after + 2 if crlf else after + 1
-        else:
-            break
-    return min(at, end)
-
-
-@kernel
 def _splits(c: int) -> bool:
     """Whether a character ends a keyword: a blank, or a backslash before a line's end."""
     return c == 32 or c == 9 or c == 92
-
-
-@kernel
-def _ends(text: NDArray[np.uint8], at: int, end: int) -> bool:
-    """Whether a word ends here."""
-    if at >= end:
-        return True
-    c = text[at]
-    return bool(c == 32 or 9 <= c <= 13 or c == 35 or c == 92)
-
-
-@kernel
-def _finite_word(text: NDArray[np.uint8], at: int, end: int) -> bool:
-    """Whether a word is anything but some spelling of nan or infinity."""
-    if at < end and (text[at] == 45 or text[at] == 43):
-        at += 1
-    if at + 2 >= end:
-        return True
-    a, b, c = text[at] | 32, text[at + 1] | 32, text[at + 2] | 32
-    nan = a == 110 and b == 97 and c == 110
-    infinite = a == 105 and b == 110 and c == 102
-    return not (nan or infinite)
 
 
 @kernel
@@ -176,21 +85,21 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
     at = 0
     starts[0] = 0
     while at < end and problem == 0:
-        at = _blank(text, at, end)
+        at = blank(text, at, end)
         if at + 1 < end and text[at] == 118 and _splits(text[at + 1]):
             at += 1
             for axis in range(3):
-                at = _blank(text, at, end)
-                if _ends(text, at, end):
+                at = blank(text, at, end)
+                if ends(text, at, end):
                     problem = 2
                     break
-                if not _finite_word(text, at, end):
+                if not finite_word(text, at, end):
                     vertices[vertex_count, axis] = np.nan
-                    while not _ends(text, at, end):
+                    while not ends(text, at, end):
                         at += 1
                     continue
-                vertices[vertex_count, axis], at, good = _number(text, at, end)
-                if not good or not _ends(text, at, end):
+                vertices[vertex_count, axis], at, good = decimal(text, at, end)
+                if not good or not ends(text, at, end):
                     problem = 1
                     break
             vertex_count += 1
@@ -198,8 +107,8 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
             at += 1
             first = corner_count
             while problem == 0:
-                at = _blank(text, at, end)
-                if _ends(text, at, end):
+                at = blank(text, at, end)
+                if ends(text, at, end):
                     break
                 back = text[at] == 45
                 if text[at] == 45 or text[at] == 43:
@@ -210,7 +119,7 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
                     number = min(number * 10 + (text[at] - 48), 1 << 40)
                     digits += 1
                     at += 1
-                if digits == 0 or not (_ends(text, at, end) or text[at] == 47):
+                if digits == 0 or not (ends(text, at, end) or text[at] == 47):
                     problem = 3
                 elif number == 0:
                     problem = 4
@@ -218,7 +127,7 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
                     problem = 5
                 corners[corner_count] = vertex_count - number if back else number - 1
                 corner_count += 1
-                while not _ends(text, at, end):
+                while not ends(text, at, end):
                     at += 1
             if corner_count - first < 3:
                 corner_count = first
@@ -232,11 +141,7 @@ def _read(text: NDArray[np.uint8], max_faces: int) -> tuple[Float64, Int64, Int6
         if problem != 0:
             break
         # to the next line; one that ends in a backslash goes on
-        while at < end and text[at] != 10 and text[at] != 13:
-            at += 1
-        if at + 1 < end and text[at] == 13 and text[at + 1] == 10:
-            at += 1
-        at += 1
+        at = next_line(text, at, end)
         line += 1
     return (
         vertices[:vertex_count].copy(),

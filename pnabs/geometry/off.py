@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.obj import _finite_word, _number
 from pnabs.geometry.polygon import TooManyFacesError, polygon_mesh
 from pnabs.geometry.types import Float64, Int64, Mesh
+from pnabs.geometry.words import decimal, finite_word
 
 _HEADER = re.compile(rb"\s*(?:#[^\r\n]*[\r\n]+\s*)*(?:ST)?C?N?(4?n?)OFF\b", re.IGNORECASE)
 
@@ -116,8 +116,8 @@ def _rows(text: NDArray[np.uint8], at: int) -> tuple[Float64, Int64, int]:
         else:
             begun = True
             good = True
-            if _finite_word(text, at, end):
-                values[count], at, good = _number(text, at, end)
+            if finite_word(text, at, end):
+                values[count], at, good = decimal(text, at, end)
             else:
                 values[count] = np.nan
                 while at < end and text[at] > 32:

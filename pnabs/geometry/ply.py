@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.obj import _finite_word, _number
 from pnabs.geometry.polygon import TooManyFacesError, polygon_mesh
 from pnabs.geometry.types import Float64, Int64, Mesh
+from pnabs.geometry.words import decimal, finite_word
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
@@ -241,8 +241,8 @@ def _numbers(text: NDArray[np.uint8]) -> tuple[Float64, NDArray[np.uint8], int]:
                 last[count - 1] = 1
             return numbers[:count], last[:count], -1
         first = at
-        if _finite_word(text, at, end):
-            numbers[count], at, good = _number(text, at, end)
+        if finite_word(text, at, end):
+            numbers[count], at, good = decimal(text, at, end)
             if not good or (at < end and not (text[at] == 32 or 9 <= text[at] <= 13)):
                 return numbers[:count], last[:count], first
         else:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnabs.geometry.kernel import kernel
-from pnabs.geometry.obj import _blank, _ends, _finite_word, _number
 from pnabs.geometry.polygon import TooManyFacesError
 from pnabs.geometry.types import Float64, Mesh
+from pnabs.geometry.words import blank, decimal, ends, finite_word, next_line
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _PROBLEMS = {
@@ -77,7 +77,7 @@ def _is(text: NDArray[np.uint8], at: int, word: NDArray[np.uint8]) -> bool:
     for i in range(len(word)):
         if text[at + i] | 32 != word[i]:
             return False
-    return bool(_ends(text, at + len(word), len(text)))
+    return bool(ends(text, at + len(word), len(text)))
 
 
 _VERTEX, _FACET_WORD, _END_FACET, _SOLID, _END_SOLID, _OUTER, _END_LOOP = (
@@ -94,21 +94,21 @@ def _read(text: NDArray[np.uint8]) -> tuple[Float64, int, int]:
     count, line, at = 0, 1, 0
     corners = -1
     while at < end:
-        at = _blank(text, at, end)
+        at = blank(text, at, end)
         if _is(text, at, _VERTEX):
             if corners < 0:
                 return vertices[:0].copy(), 3, line
             at += len(_VERTEX)
             for axis in range(3):
-                at = _blank(text, at, end)
-                good = not _ends(text, at, end)
-                if good and not _finite_word(text, at, end):
+                at = blank(text, at, end)
+                good = not ends(text, at, end)
+                if good and not finite_word(text, at, end):
                     vertices[count, axis] = np.nan
-                    while not _ends(text, at, end):
+                    while not ends(text, at, end):
                         at += 1
                 elif good:
-                    vertices[count, axis], at, good = _number(text, at, end)
-                if not good or not _ends(text, at, end):
+                    vertices[count, axis], at, good = decimal(text, at, end)
+                if not good or not ends(text, at, end):
                     return vertices[:0].copy(), 1, line
             count += 1
             corners += 1
@@ -123,12 +123,8 @@ def _read(text: NDArray[np.uint8]) -> tuple[Float64, int, int]:
         elif _is(text, at, _SOLID) or _is(text, at, _END_SOLID):
             if corners >= 0:
                 return vertices[:0].copy(), 4, line
-        elif not (_ends(text, at, end) or _is(text, at, _OUTER) or _is(text, at, _END_LOOP)):
+        elif not (ends(text, at, end) or _is(text, at, _OUTER) or _is(text, at, _END_LOOP)):
             return vertices[:0].copy(), 4, line
-        while at < end and text[at] != 10 and text[at] != 13:
-            at += 1
-        if at + 1 < end and text[at] == 13 and text[at + 1] == 10:
-            at += 1
-        at += 1
+        at = next_line(text, at, end)
         line += 1
     return vertices[:count].copy(), 2 if corners >= 0 else 0, line
