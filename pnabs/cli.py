@@ -8,16 +8,20 @@ import shlex
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 import pnabs
 
+if TYPE_CHECKING:
+    from pnabs.stages.run import Result
+
 STAGES = (
     *("scan", "ingest", "train-positive", "difference"),
     *("train-negative", "abstract", "report"),
 )
+KINDS = ("invalid", "error", "crash", "timeout", "memory")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -49,6 +53,9 @@ run_options = [
         help="Per cent of the models that may fall out of a stage [5].",
     ),
     click.option("--accept-changes", is_flag=True, help="Redo what changed, and just that."),
+    click.option(
+        "--keep-weights", is_flag=True, help="With --accept-changes: don't train again for it."
+    ),
 ]
 
 
@@ -72,6 +79,7 @@ def run(
     limit: int | None,
     max_failed: float | None,
     accept_changes: bool,
+    keep_weights: bool,
     address: str | None,
     dry_run: bool,
 ) -> None:
@@ -82,6 +90,7 @@ def run(
     from pnabs.stages.run import Options, run_job
 
     reporter = Reporter()
+    _check_keep(accept_changes, keep_weights)
     with _errors():
         loaded = load_job(job, _overrides(overrides, limit), out)
         options = Options(
@@ -90,6 +99,7 @@ def run(
             categories=categories,
             max_failed=max_failed,
             accept=accept_changes,
+            keep_weights=keep_weights,
             command=shlex.join(["pnabs", *sys.argv[1:]]),
         )
         if dry_run:
@@ -98,12 +108,50 @@ def run(
         # Ray writes to stdout when workers die; stdout is for results alone.
         with contextlib.redirect_stdout(sys.stderr):
             result = run_job(loaded, options, reporter)
-    click.echo(result.tables, nl=False)
-    if result.page is not None:
-        click.echo(f"\nreport: {result.page}")
-    for problem in result.problems:
-        click.echo(problem, err=True)
-    sys.exit(result.exit_code)
+    _finish(result)
+
+
+@main.command()
+@run_argument
+@click.option("--stage", help="Only models that fell out of this stage, such as ingest.")
+@click.option("--kind", type=click.Choice(KINDS), help="Only models that fell out like this.")
+@click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+    help="Replace a setting, such as runtime.deadline=600.",
+)  # fmt: skip
+@click.option("--max-failed", type=click.FloatRange(0, 100), help="As for `run`.")
+@click.option("--keep-weights", is_flag=True, help="Don't train again for models recovered.")
+@click.option("--address", help="A Ray cluster's address; started here when left out.")
+def retry(
+    run: Path,
+    stage: str | None,
+    kind: str | None,
+    overrides: tuple[str, ...],
+    max_failed: float | None,
+    keep_weights: bool,
+    address: str | None,
+) -> None:
+    """Try RUN's quarantined models again, and do what follows from those that come through.
+
+    A model's shard is done again as a whole, and gives the others the same results.
+    """
+    from pnabs.stages.progress import Reporter
+    from pnabs.stages.retry import retry as again
+    from pnabs.stages.run import Options
+
+    with _errors():
+        options = Options(
+            address=address,
+            max_failed=max_failed,
+            keep_weights=keep_weights,
+            command=shlex.join(["pnabs", *sys.argv[1:]]),
+        )
+        with contextlib.redirect_stdout(sys.stderr):
+            result = again(run, stage, kind, overrides, options, Reporter())
+    if result is None:
+        click.echo("no model in quarantine is of that kind; nothing to do", err=True)
+        return
+    _finish(result)
 
 
 @main.command()
@@ -120,6 +168,7 @@ def submit(
     limit: int | None,
     max_failed: float | None,
     accept_changes: bool,
+    keep_weights: bool,
     address: str,
     wait: bool,
 ) -> None:
@@ -130,6 +179,7 @@ def submit(
     from pnabs.stages.job import load_job
     from pnabs.stages.submit import submit as send
 
+    _check_keep(accept_changes, keep_weights)
     with _errors():
         loaded = load_job(job, _overrides(overrides, limit), out)
         _stages(stages)
@@ -140,6 +190,8 @@ def submit(
             arguments += ["--max-failed", f"{max_failed:g}"]
         if accept_changes:
             arguments.append("--accept-changes")
+        if keep_weights:
+            arguments.append("--keep-weights")
         code = send(loaded, address, arguments, wait=wait, log=sys.stderr)
     sys.exit(code)
 
@@ -147,7 +199,8 @@ def submit(
 @main.command()
 @run_argument
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def status(run: Path, as_json: bool) -> None:
+@click.option("--shards", is_flag=True, help="List every shard, not only those running or failed.")
+def status(run: Path, as_json: bool, shards: bool) -> None:
     """How far RUN is, from its files: works while the run goes on."""
     from pnabs.stages.progress import Reporter
     from pnabs.stages.status import render, stored_context
@@ -157,9 +210,9 @@ def status(run: Path, as_json: bool) -> None:
     with _errors():
         found = read(stored_context(RunFolder(run), Reporter()))
     if as_json:
-        click.echo(json.dumps([item.to_json() for item in found], indent=1))
+        click.echo(json.dumps([item.to_json(shards=shards) for item in found], indent=1))
     else:
-        click.echo(render(found), nl=False)
+        click.echo(render(found, shards=shards), nl=False)
 
 
 @main.command()
@@ -168,15 +221,14 @@ def verify(run: Path) -> None:
     """Read everything in RUN back; what is damaged is redone by the next run."""
     from pnabs.stages.progress import Reporter
     from pnabs.stages.run import held
-    from pnabs.stages.status import stored_context
     from pnabs.stages.verify import DAMAGE_EXIT_CODE
     from pnabs.stages.verify import verify as read_back
     from pnabs.store.run import RunFolder
 
-    with _errors():
-        context = stored_context(RunFolder(run), Reporter())
-        with held(run):
-            damaged = read_back(context)
+    if not run.is_dir():
+        raise click.BadParameter(f"there is no folder {run}", param_hint="RUN")
+    with _errors(), held(run):
+        damaged = read_back(RunFolder(run), Reporter())
     for line in damaged:
         click.echo(line)
     if damaged:
@@ -220,6 +272,20 @@ def samples(directory: Path, seed: int, per_category: int, categories: tuple[str
     click.echo(f"{len(paths)} models in {directory}", err=True)
 
 
+def _finish(result: Result) -> NoReturn:
+    click.echo(result.tables, nl=False)
+    if result.page is not None:
+        click.echo(f"\nreport: {result.page}")
+    for problem in result.problems:
+        click.echo(problem, err=True)
+    sys.exit(result.exit_code)
+
+
+def _check_keep(accept_changes: bool, keep_weights: bool) -> None:
+    if keep_weights and not accept_changes:
+        raise click.UsageError("--keep-weights goes with --accept-changes")
+
+
 def _overrides(overrides: tuple[str, ...], limit: int | None) -> tuple[str, ...]:
     return overrides if limit is None else (*overrides, f"dataset.limit={limit}")
 
@@ -244,7 +310,7 @@ def _errors() -> Iterator[None]:
     from pnabs.dataset.errors import DatasetError
     from pnabs.stages.errors import RunError
     from pnabs.stages.job import JobError
-    from pnabs.store.arrays import DamagedArrayError
+    from pnabs.store.errors import DamagedDataError
     from pnabs.store.ledger import LedgerError
     from pnabs.store.run import RunFolderError
 
@@ -256,7 +322,7 @@ def _errors() -> Iterator[None]:
         _fail(str(error), error.exit_code)
     except (RunFolderError, LedgerError) as error:
         _fail(str(error), 4)
-    except DamagedArrayError as error:
+    except DamagedDataError as error:
         _fail(str(error), 5)
 
 

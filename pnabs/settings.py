@@ -262,6 +262,12 @@ class Runtime(Group):
     """Seconds a model may take in a stage before it is given up."""
     memory: PositiveInt = 4 * 2**30
     """Bytes a model's processing may allocate beyond the worker's own."""
+    isolation: Literal["child", "none"] = "child"
+    """Whether models run in a child process. With `none`, nothing holds `deadline` and `memory`,
+    and a crash takes the whole shard's worker along."""
+    stall: PositiveFloat = 600.0
+    """Seconds without any progress, beyond what a model may take, after which a worker is given
+    up and its shard handed to another."""
     checkpoint_epochs: PositiveInt = 10
     """Epochs between a phase's checkpoints."""
     max_failed: Annotated[float, Field(ge=0, le=100)] = 5.0

@@ -4,8 +4,8 @@ It knows neither meshes nor networks nor the run folder: a `ShardWork` says what
 done with a shard, and the caller commits what comes back.
 """
 
-from pnabs.batch.executor import Executor, InlineExecutor, ShardDone, ShardFailed
-from pnabs.batch.work import InvalidInput, Outcome, ShardWork, WorkerLimits
+from pnabs.batch.executor import Executor, InlineExecutor, ShardDone, ShardFailed, Watcher
+from pnabs.batch.work import InvalidInput, Outcome, ShardWork, Unavailable, WorkerLimits
 
 __all__ = [
     "Executor",
@@ -15,5 +15,7 @@ __all__ = [
     "ShardDone",
     "ShardFailed",
     "ShardWork",
+    "Unavailable",
+    "Watcher",
     "WorkerLimits",
 ]

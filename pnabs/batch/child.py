@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from pnabs.batch.work import InvalidInput, Outcome, WorkerLimits
+from pnabs.batch.work import InvalidInput, Outcome, Unavailable, WorkerLimits
 
 GRACE_SECONDS = 5.0
 """A child ends itself at the deadline; after this longer it is killed."""
@@ -58,7 +58,7 @@ class IsolatedChild:
         self._stack = Path(name)
 
     def run(self, model_id: str, payload: Any) -> Outcome:
-        """One model's outcome; never raises for what the task does."""
+        """One model's outcome; raises nothing of what the task does but `Unavailable`."""
         connection = self._connection or self._start()
         deadline = self._limits.deadline
         started = time.monotonic()
@@ -78,7 +78,7 @@ class IsolatedChild:
                 reason = f"no result within {deadline:g} s"
                 return Outcome(model_id, "timeout", reason=reason, traceback=stack)
             return Outcome(model_id, "crash", reason=_exit_reason(code), traceback=stack)
-        return Outcome(model_id, kind, value=value, reason=reason, traceback=trace)
+        return _outcome(model_id, kind, value, reason, trace)
 
     def restart(self) -> None:
         """End the child; the next model gets a fresh one."""
@@ -115,6 +115,31 @@ class IsolatedChild:
         self._stack.write_bytes(b"")
         # Thread ids differ from run to run, and records must not.
         return re.sub(r"0x[0-9a-f]{8,}", "0x…", stack)[-4000:]
+
+
+class InProcess:
+    """The same in this process: no deadline, no memory limit, and a crash takes all with it."""
+
+    def __init__(
+        self, task: Callable[[Any], Any], limits: WorkerLimits, preload: tuple[str, ...]
+    ) -> None:
+        self._task = task
+
+    def run(self, model_id: str, payload: Any) -> Outcome:
+        """One model's outcome; raises nothing of what the task does but `Unavailable`."""
+        return _outcome(model_id, *_attempt(self._task, payload))
+
+    def restart(self) -> None:
+        """Nothing: there is no child."""
+
+    def close(self) -> None:
+        """Nothing: there is no child."""
+
+
+def _outcome(model_id: str, kind: Any, value: Any, reason: str, trace: str) -> Outcome:
+    if kind == "unavailable":
+        raise Unavailable(reason)
+    return Outcome(model_id, kind, value=value, reason=reason, traceback=trace)
 
 
 def _serve(
@@ -155,6 +180,8 @@ def _attempt(task: Callable[[Any], Any], payload: Any) -> tuple[str, Any, str, s
         return "ok", task(payload), "", ""
     except InvalidInput as error:
         return "invalid", None, str(error), ""
+    except Unavailable as error:
+        return "unavailable", None, str(error), ""
     except MemoryError as error:
         return "memory", None, f"out of its memory limit: {error}", traceback.format_exc()
     except Exception as error:

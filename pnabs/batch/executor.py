@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import errno
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from pnabs.batch.work import ShardWork, WorkerLimits
+from pnabs.batch.work import ShardWork, Unavailable, WorkerLimits
 from pnabs.batch.worker import ShardDone, ShardWorker
 
-__all__ = ["Executor", "InlineExecutor", "ShardDone", "ShardFailed"]
+__all__ = [
+    "Executor",
+    "InlineExecutor",
+    "ShardDone",
+    "ShardFailed",
+    "Watcher",
+    "describe",
+    "full_or_readonly",
+]
+
+_HOPELESS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,16 +31,33 @@ class ShardFailed:
     reason: str
 
 
+class Watcher:
+    """Is told what goes on while shards run; what its methods raise ends the work."""
+
+    def started(self, shard: str, where: str) -> None:
+        """A worker was given a shard; `where` is its host and process."""
+
+    def progress(self, models: int) -> None:
+        """Models with a verdict in the shards in flight; comes twice a second on Ray."""
+
+    def warn(self, message: str) -> None:
+        """Something the user should know of: nothing moves, or a worker was left out."""
+
+
 class Executor(Protocol):
     """Runs a stage's work over shards."""
 
     def map(
-        self,
-        work: ShardWork,
-        shards: Sequence[str],
-        on_progress: Callable[[int], None] | None = None,
+        self, work: ShardWork, shards: Sequence[str], watcher: Watcher
     ) -> Iterator[ShardDone | ShardFailed]:
-        """Results as they come, in any order; `on_progress` gets models done so far."""
+        """Results as they come, in any order.
+
+        Raises
+        ------
+        Unavailable
+            When no shard could be finished any more: the disk is full, or what the work needs is
+            out of every worker's reach.
+        """
 
 
 class InlineExecutor:
@@ -39,21 +67,55 @@ class InlineExecutor:
         self._limits = limits
 
     def map(
-        self,
-        work: ShardWork,
-        shards: Sequence[str],
-        on_progress: Callable[[int], None] | None = None,
+        self, work: ShardWork, shards: Sequence[str], watcher: Watcher
     ) -> Iterator[ShardDone | ShardFailed]:
         """Shards one after another."""
         worker = ShardWorker(work, self._limits)
         try:
+            where = worker.check()
             for shard in shards:
+                watcher.started(shard, where)
                 try:
-                    done: ShardDone | ShardFailed = worker.run(shard)
+                    result: ShardDone | ShardFailed = worker.run(shard, _Through(watcher))
+                except _Stopped as stopped:
+                    raise stopped.reason from None
                 except Exception as error:
-                    done = ShardFailed(shard, f"{type(error).__name__}: {error}")
-                if on_progress:
-                    on_progress(worker.models_done())
-                yield done
+                    result = ShardFailed(shard, describe(error))
+                    yield result
+                    if full_or_readonly(error):
+                        raise Unavailable(result.reason) from error
+                    # Raises when the next shard would fail of the same.
+                    worker.check()
+                else:
+                    yield result
         finally:
             worker.close()
+
+
+class _Stopped(BaseException):
+    def __init__(self, reason: Exception) -> None:
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class _Through:
+    """Hands progress on; what the watcher raises is no failure of the shard."""
+
+    watcher: Watcher
+
+    def __call__(self, models: int) -> None:
+        try:
+            self.watcher.progress(models)
+        except Exception as error:
+            raise _Stopped(error) from None
+
+
+def describe(error: BaseException) -> str:
+    """An error in one line: known causes by their message, others with their type."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, Unavailable) else f"{type(error).__name__}: {text}"
+
+
+def full_or_readonly(error: BaseException) -> bool:
+    """Whether an error says that nothing can be written any more."""
+    return isinstance(error, OSError) and error.errno in _HOPELESS

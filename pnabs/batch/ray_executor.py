@@ -2,28 +2,35 @@
 
 Ray's own retries would run a poisonous model again and again or blame its
 neighbours, so actors never restart; a lost actor is replaced here and its shard
-leased again, a few times at most.
+leased again, a few times at most.  A worker that doesn't see what it needs is left
+out and keeps its place, so that no other is put there; one that gets nowhere is
+killed.  So the work always ends.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
+import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import ray
-from ray.exceptions import GetTimeoutError, RayActorError, RayTaskError
+from ray.exceptions import RayError, RayTaskError
 
-from pnabs.batch.executor import ShardDone, ShardFailed
-from pnabs.batch.work import ShardWork, WorkerLimits
-from pnabs.batch.worker import ShardWorker
+from pnabs.batch.child import GRACE_SECONDS
+from pnabs.batch.executor import ShardDone, ShardFailed, Watcher, describe, full_or_readonly
+from pnabs.batch.work import ShardWork, Unavailable, WorkerLimits
+from pnabs.batch.worker import Activity, ShardWorker
 
 LEASES = 3
 """How often a shard is handed out before its workers' deaths count as its failure."""
 
 POLL_SECONDS = 0.5
+
+QUIET_SECONDS = 60.0
+"""When nothing has moved for so long, the user is told what is in flight."""
 
 
 class RayExecutor:
@@ -32,7 +39,7 @@ class RayExecutor:
     Parameters
     ----------
     limits
-        Deadline and memory a model.
+        Deadline and memory a model, and how long a worker may get nowhere.
     actors
         How many; one a CPU of the cluster when None.
     threads
@@ -58,73 +65,225 @@ class RayExecutor:
         env = dict.fromkeys(names, str(threads))
         if "NUMBA_CACHE_DIR" in os.environ:
             env["NUMBA_CACHE_DIR"] = os.environ["NUMBA_CACHE_DIR"]
-        # The second thread of an actor answers for progress while the first works.
+        # The second thread of an actor tells what the first is at.
         self._worker: Any = ray.remote(ShardWorker).options(
             num_cpus=threads, max_restarts=0, max_concurrency=2, runtime_env={"env_vars": env}
         )
 
     def map(
-        self,
-        work: ShardWork,
-        shards: Sequence[str],
-        on_progress: Callable[[int], None] | None = None,
+        self, work: ShardWork, shards: Sequence[str], watcher: Watcher
     ) -> Iterator[ShardDone | ShardFailed]:
-        """Results as actors finish them; every shard gives exactly one."""
-        waiting = deque(shards)
-        leases: Counter[str] = Counter()
-        idle = [
-            self._worker.remote(work, self._limits) for _ in range(min(self._actors, len(waiting)))
-        ]
-        busy: dict[Any, tuple[Any, str]] = {}
-        counts: dict[Any, int] = {}
-        asked: dict[Any, Any] = {}
-        try:
-            while waiting or busy:
-                while waiting and idle:
-                    actor, shard = idle.pop(), waiting.popleft()
-                    leases[shard] += 1
-                    busy[actor.run.remote(shard)] = (actor, shard)
-                ready, _ = ray.wait(list(busy), num_returns=1, timeout=POLL_SECONDS)
-                for ref in ready:
-                    actor, shard = busy.pop(ref)
-                    try:
-                        result: ShardDone | ShardFailed | None = ray.get(ref)
-                    except RayTaskError as error:
-                        cause = error.cause or error
-                        result = ShardFailed(shard, f"{type(cause).__name__}: {cause}")
-                    except RayActorError as error:
-                        result = None
-                        if leases[shard] >= LEASES:
-                            reason = f"its worker died {LEASES} times, last: {error}"
-                            result = ShardFailed(shard, reason)
-                        else:
-                            waiting.append(shard)
-                        actor = self._worker.remote(work, self._limits)
-                    if waiting:
-                        idle.append(actor)
-                    else:
-                        ray.kill(actor)
-                    if result is not None:
-                        yield result
-                if on_progress:
-                    self._ask(busy, asked, counts)
-                    on_progress(sum(counts.values()))
-        finally:
-            for actor in [*idle, *(actor for actor, _ in busy.values())]:
-                ray.kill(actor)
+        """Results as actors finish them; every shard gives exactly one unless it raises.
 
-    def _ask(
-        self, busy: dict[Any, tuple[Any, str]], asked: dict[Any, Any], counts: dict[Any, int]
+        Raises
+        ------
+        Unavailable
+            When no shard could be finished any more.
+        """
+        count = min(self._actors, len(shards))
+        yield from _Floor(self._worker, work, self._limits, shards, count, watcher).run()
+
+
+@dataclass(eq=False, slots=True)
+class _Seat:
+    """One worker's place: its actor, the call in flight, and what it was last seen at.
+
+    Attributes
+    ----------
+    call
+        `check` of a new worker, `run` of a shard, or `check` after a shard failed; None when the
+        worker is free or left out.
+    failure
+        Why the shard failed, while the worker is looked at.
+    """
+
+    actor: Any
+    call: Any
+    where: str = ""
+    shard: str | None = None
+    failure: BaseException | None = None
+    left_out: str = ""
+    question: Any = None
+    activity: Activity | None = None
+    moved: float = 0.0
+
+    @property
+    def starting(self) -> bool:
+        return self.call is not None and not self.where
+
+    def free(self) -> None:
+        self.call = self.shard = self.failure = self.activity = None
+
+    def see(self, activity: Activity) -> bool:
+        """Take an answer; whether the worker got on since the last."""
+        before, self.activity = self.activity, activity
+        return before is None or replace(before, seconds=0) != replace(activity, seconds=0)
+
+
+class _Floor:
+    """The workers of one `map` and the shards between them."""
+
+    def __init__(
+        self,
+        worker: Any,
+        work: ShardWork,
+        limits: WorkerLimits,
+        shards: Sequence[str],
+        count: int,
+        watcher: Watcher,
     ) -> None:
-        # Progress is a courtesy: answers are taken when they are there, never waited for.
-        for actor, ref in list(asked.items()):
-            if ray.wait([ref], timeout=0)[0]:
-                del asked[actor]
-                with contextlib.suppress(RayActorError, RayTaskError, GetTimeoutError):
-                    counts[actor] = ray.get(ref)
-        for actor, _ in busy.values():
-            if actor not in asked:
-                asked[actor] = actor.models_done.remote()
+        self._worker, self._work, self._limits, self._watcher = worker, work, limits, watcher
+        self._waiting = deque(shards)
+        self._leases: Counter[str] = Counter()
+        self._died_at_start = 0
+        self._moved = self._told = time.monotonic()
+        self._seats = [self._new_seat() for _ in range(count)]
+
+    def run(self) -> Iterator[ShardDone | ShardFailed]:
+        try:
+            while self._waiting or any(seat.shard for seat in self._seats):
+                self._lease()
+                calls = {seat.call: seat for seat in self._seats if seat.call is not None}
+                ready, _ = ray.wait(list(calls), num_returns=1, timeout=POLL_SECONDS)
+                for call in ready:
+                    self._moved = time.monotonic()
+                    yield from self._answered(calls[call])
+                yield from self._look_round()
+        finally:
+            for seat in self._seats:
+                ray.kill(seat.actor)
+
+    def _new_seat(self) -> _Seat:
+        actor = self._worker.remote(self._work, self._limits)
+        return _Seat(actor, actor.check.remote(), moved=time.monotonic())
+
+    def _lease(self) -> None:
+        for seat in self._seats:
+            if self._waiting and seat.call is None and not seat.left_out:
+                seat.shard = self._waiting.popleft()
+                self._leases[seat.shard] += 1
+                seat.call = seat.actor.run.remote(seat.shard)
+                seat.moved = time.monotonic()
+                self._watcher.started(seat.shard, seat.where)
+
+    def _answered(self, seat: _Seat) -> Iterator[ShardDone | ShardFailed]:
+        shard, failure = seat.shard, seat.failure
+        try:
+            answer = ray.get(seat.call)
+        except RayTaskError as error:
+            cause = error.cause or error
+            if shard is None or failure is not None:
+                yield from self._leave_out(seat, describe(cause))
+            elif full_or_readonly(cause):
+                reason = f"{describe(cause)} (on {seat.where})"
+                yield ShardFailed(shard, reason)
+                raise Unavailable(reason) from None
+            else:
+                # The shard's fault, or its worker's that lost sight of what it needs?
+                seat.failure = cause
+                seat.call = seat.actor.check.remote()
+        except RayError as error:
+            yield from self._replace(seat, _death(error))
+        else:
+            if shard is None:
+                seat.where = answer
+                self._died_at_start = 0
+            elif failure is not None:
+                yield ShardFailed(shard, f"{describe(failure)} (on {seat.where})")
+            else:
+                yield answer
+            seat.free()
+
+    def _leave_out(self, seat: _Seat, reason: str) -> Iterator[ShardFailed]:
+        """Give no more work to a worker that doesn't see what it needs; it keeps its place."""
+        shard, seat.left_out = seat.shard, reason
+        seat.free()
+        hopeless = all(other.left_out for other in self._seats)
+        if shard is not None:
+            if hopeless:
+                yield ShardFailed(shard, reason)
+            else:
+                self._waiting.appendleft(shard)
+        if hopeless:
+            raise Unavailable(reason)
+        where = seat.where or "one of the nodes"
+        self._watcher.warn(f"the worker on {where} is left out: {reason}")
+
+    def _replace(self, seat: _Seat, reason: str) -> Iterator[ShardFailed]:
+        """Put a new worker in the place of one that is gone; its shard is leased again."""
+        shard = seat.shard
+        if shard is None:
+            self._died_at_start += 1
+            if self._died_at_start >= LEASES * len(self._seats):
+                raise Unavailable(f"workers die while they start: {reason}")
+        elif self._leases[shard] >= LEASES:
+            yield ShardFailed(
+                shard, f"its workers were lost {LEASES} times, the last on {seat.where}: {reason}"
+            )
+        else:
+            self._waiting.appendleft(shard)
+            self._watcher.warn(
+                f"the worker on {seat.where} was lost with shard {shard}, which is given to "
+                f"another: {reason}"
+            )
+        # One that is only out of reach must not go on beside its successor.
+        ray.kill(seat.actor)
+        self._seats[self._seats.index(seat)] = self._new_seat()
+
+    def _look_round(self) -> Iterator[ShardFailed]:
+        """Ask what everyone is at, tell the user when nothing moves, give up who gets nowhere."""
+        now = time.monotonic()
+        for seat in self._seats:
+            if seat.shard is not None and self._ask(seat):
+                seat.moved = self._moved = now
+        self._watcher.progress(sum(seat.activity.models for seat in self._seats if seat.activity))
+        limits = self._limits
+        patience = limits.stall + limits.deadline + GRACE_SECONDS
+        for seat in list(self._seats):
+            if seat.shard is not None and now - seat.moved > patience:
+                yield from self._replace(seat, f"no progress for {patience:.0f} s at {_what(seat)}")
+        starting = [seat for seat in self._seats if seat.starting]
+        idle = now - self._moved
+        if starting and idle > LEASES * patience and not any(s.shard for s in self._seats):
+            raise Unavailable(
+                f"no worker could start within {idle:.0f} s: are the cluster's CPUs taken?"
+            )
+        if idle > QUIET_SECONDS and now - self._told > QUIET_SECONDS:
+            self._told = now
+            busy = [f"{seat.shard} on {seat.where}, at {_what(seat)}"
+                    for seat in self._seats if seat.shard]  # fmt: skip
+            busy += [f"{len(starting)} workers that Ray has not started yet"] * bool(starting)
+            self._watcher.warn(f"nothing has moved for {idle:.0f} s; in flight: {'; '.join(busy)}")
+
+    def _ask(self, seat: _Seat) -> bool:
+        # Answers are taken when they are there, never waited for.
+        if seat.question is None:
+            seat.question = seat.actor.activity.remote()
+            return False
+        if not ray.wait([seat.question], timeout=0)[0]:
+            return False
+        question, seat.question = seat.question, None
+        try:
+            return seat.see(ray.get(question))
+        except RayError:
+            return False
+
+
+def _what(seat: _Seat) -> str:
+    if seat.activity is None:
+        return "nothing it told of yet"
+    return f"{seat.activity.what} for {seat.activity.seconds:.0f} s"
+
+
+def _death(error: RayError) -> str:
+    """The telling line of Ray's many."""
+    text = str(error)
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    telling = ("died", "killed", "dead", "unavailable", "exit", "memory")
+    for line in lines[1:]:
+        if any(word in line for word in telling):
+            return line
+    return lines[0] if lines else type(error).__name__
 
 
 def _nodes() -> list[dict[str, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnabs.dataset.catalogue import extend, fingerprint, read, scan, write
+from pnabs.dataset.catalogue import extend, fingerprint, read, scan, to_bytes
 from pnabs.dataset.errors import DatasetError, SourceError
 from pnabs.dataset.source import Dataset
 from pnabs.dataset.synsets import name_of, resolve_category, synset_of
@@ -18,5 +18,5 @@ __all__ = [
     "resolve_category",
     "scan",
     "synset_of",
-    "write",
+    "to_bytes",
 ]

@@ -8,7 +8,6 @@ it fails with the same reason.
 from __future__ import annotations
 
 import hashlib
-import os
 from array import array
 from pathlib import Path
 
@@ -42,6 +41,10 @@ SCHEMA = pa.schema(
     ]
 )
 """Columns of the catalogue; none is ever null."""
+
+
+GROUP_ROWS = 4096
+"""Rows of a row group: so many are decoded to get at one shard's."""
 
 
 def scan(job: settings.Dataset, base: Path) -> pa.Table:
@@ -134,14 +137,13 @@ def extend(old: pa.Table, new: pa.Table, shard_size: int) -> pa.Table:
     return table.take(pc.sort_indices(order, sort_keys=keys)).combine_chunks()
 
 
-def write(table: pa.Table, path: Path) -> None:
-    """Write a catalogue; the same table gives the same bytes.  Replaces the file in one step."""
-    partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
-        pq.write_table(table.combine_chunks(), file, compression="zstd", row_group_size=2**17)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
+def to_bytes(table: pa.Table) -> bytes:
+    """A catalogue as the content of its file; the same table gives the same bytes."""
+    sink = pa.BufferOutputStream()
+    # Small groups: a worker reads the rows of one shard.
+    pq.write_table(table.combine_chunks(), sink, compression="zstd", row_group_size=GROUP_ROWS)
+    data: bytes = sink.getvalue().to_pybytes()
+    return data
 
 
 def read(path: Path) -> pa.Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import cast
 
 import numpy as np
@@ -40,6 +41,7 @@ def train_epoch(
     rank: int = 0,
     world: int = 1,
     device: torch.device | str = "cpu",
+    on_step: Callable[[int, int], None] | None = None,
 ) -> dict[str, float]:
     """Train on the rows of `order`, in order, a step for every `batch_size / world` of them.
 
@@ -57,6 +59,8 @@ def train_epoch(
     training : settings.Training
     epoch : int
         Counted from 0 in this phase; with `training.epochs` it gives the progress.
+    on_step : callable, optional
+        Called before each step with its number and that of all.
 
     Returns
     -------
@@ -75,6 +79,8 @@ def train_epoch(
     steps = max(1, round(len(order) * world / training.batch_size))
     sums: dict[str, Tensor] = {}
     for step, rows in enumerate(np.array_split(order, steps)):
+        if on_step:
+            on_step(step, steps)
         progress = (epoch + step / steps) / training.epochs
         set_learning_rate(optimizer, learning_rate_factor(training.schedule, progress))
         batch = dataset.batch(rows, training, data_generator).to(device)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,13 +17,15 @@ from pnabs.stages.context import Context, model_rng, read_shard_rows
 from pnabs.stages.difference import models_of
 from pnabs.stages.phases import weights_path
 from pnabs.stages.plan import fingerprint, recipe_digest
+from pnabs.stages.reach import check_run
 from pnabs.stages.sharded import ShardPlan, run_sharded
 from pnabs.stages.stored import StoredShard
-from pnabs.store.atomic import file_digest, write_atomic
+from pnabs.store.atomic import file_digest, sweep, write_atomic
 from pnabs.store.metrics import write_metrics
 from pnabs.store.run import RunFolder, versions
 
 STAGE = "abstract"
+FILES = ("abstraction.json", "abstraction.glb")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,7 @@ class AbstractWork:
 
     job: Settings
     home: str
+    token: str
     positive: Path
     negative: Path | None
     provenance: dict[str, Any]
@@ -62,6 +66,10 @@ class AbstractWork:
     def task(self) -> AbstractTask:
         """What the child runs."""
         return AbstractTask(self.job, self.provenance)
+
+    def check(self) -> None:
+        """See the run folder."""
+        check_run(self.job.out, self.token)
 
     def setup(self) -> None:
         """Load the networks."""
@@ -102,41 +110,49 @@ class AbstractWork:
                 entry["check_ok"] = abstraction.check["ok"]
                 entry["positive_cuboids"] = abstraction.positives.as_vector().tolist()
                 entry["negative_cuboids"] = abstraction.negatives.as_vector().tolist()
-                folder = variant.abstraction(category, model_id)
-                outputs |= self._write(run, folder, result)
+            outputs |= self._write(run, variant.abstraction(category, model_id), result)
             rows.append(entry)
         outputs |= write_metrics(run.root, variant.metrics(shard), rows)
         return Committed(outputs, {})
 
-    def _write(self, run: RunFolder, folder: Path, result: Finished) -> dict[str, Any]:
+    def _write(self, run: RunFolder, folder: Path, result: Finished | None) -> dict[str, Any]:
+        """Write one model's files; what lies there of another time goes."""
         files = {}
-        if self.job.abstract.write_json:
+        if result is not None and self.job.abstract.write_json:
             files["abstraction.json"] = to_json(result.abstraction)
-        if self.job.abstract.write_glb:
+        if result is not None and self.job.abstract.write_glb:
             files["abstraction.glb"] = to_glb(result.abstraction, result.mesh)
+        sweep(folder)
+        for name in FILES:
+            if name not in files:
+                (folder / name).unlink(missing_ok=True)
         outputs = {}
         for name, data in files.items():
             path = folder / name
             write_atomic(path, data)
             outputs[path.relative_to(run.root).as_posix()] = file_digest(path)
+        if not files:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
         return outputs
 
 
 def plans(context: Context, variant: str) -> list[ShardPlan]:
     """Every ingested shard and what its abstractions depend on."""
-    job = context.variants[variant]
+    recipe, shards = recipe_digest(STAGE, context.variants[variant]), context.shards
     weights = [
         file_digest(path)["sha256"] for path in _weights(context, variant) if path is not None
     ]
+    ingested = context.run.ledger.index("ingest")
     out = []
-    for shard, rows in context.shards():
-        record = context.run.ledger.read("ingest", shard)
-        if record is None:
-            continue
-        models = models_of(context.run.ledger, rows, shard)
-        splits = [[row["model_id"], row["split"]] for row in rows]
-        inputs = {"weights": weights, "ingest": record.digest, "models": splits}
-        out.append(ShardPlan(shard, fingerprint(STAGE, job, inputs), len(models)))
+    # The metrics' rows name the splits.
+    for number, content in enumerate(shards.digests("model_id", "split")):
+        shard = shards.names[number]
+        entry = ingested.get(shard)
+        if entry is not None:
+            inputs = {"weights": weights, "ingest": entry.digest, "models": content}
+            models = entry.models - len(entry.fallen)
+            out.append(ShardPlan(shard, fingerprint(recipe, inputs), models))
     return out
 
 
@@ -149,7 +165,7 @@ def run(context: Context, variant: str) -> None:
         "recipe": recipe_digest(STAGE, job),
         "seed": job.seed,
     }
-    work = AbstractWork(job, variant, positive, negative, provenance)
+    work = AbstractWork(job, variant, context.token, positive, negative, provenance)
     name = context.run.variant(variant).stage(STAGE)
     run_sharded(context, name, work, plans(context, variant), lambda _: None)
 

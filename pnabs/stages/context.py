@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from pnabs.batch import Executor
 from pnabs.settings import Settings
 from pnabs.stages.plan import homes
 from pnabs.stages.progress import Reporter
+from pnabs.stages.shards import Shards
 from pnabs.store.run import RunFolder, Variant
 
 
@@ -30,8 +32,8 @@ class Context:
         The settings of `main`.
     variants
         Name -> settings of each variant, `main` first.
-    catalogue
-        The run's catalogue.
+    shards
+        The run's catalogue, by shard.
     selected
         Categories that sharded stages are limited to (`--category`); None for all.
     executor
@@ -44,6 +46,10 @@ class Context:
         Starts or joins Ray, once; called by what needs it.
     owns_ray
         Whether Ray was started here and ends with the run.
+    token
+        By which workers know that this driver still holds the run folder.
+    kept_weights
+        Fingerprints of the training phases whose weights the user kept, from run.json.
     problems
         What went wrong without stopping the run, to be told at its end.
     """
@@ -51,7 +57,7 @@ class Context:
     job: Settings
     variants: dict[str, Settings]
     run: RunFolder
-    catalogue: pa.Table
+    shards: Shards
     selected: frozenset[str] | None
     executor: Callable[[], Executor]
     reporter: Reporter
@@ -60,26 +66,37 @@ class Context:
     interrupted: Callable[[], int | None]
     start_ray: Callable[[], None] = lambda: None
     owns_ray: Callable[[], bool] = lambda: False
+    token: str = ""
+    kept_weights: dict[str, str] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
     def home(self, stage: str, variant: str) -> Variant:
         """Where a variant's results of a stage lie: its own folder or an equal one's."""
         return self.run.variant(homes(self.variants, stage)[variant])
 
-    def shards(self) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-        """Each shard with its rows of the catalogue, which is sorted by shard and row."""
-        runs = pc.run_end_encode(self.catalogue["shard"].combine_chunks())
-        start = 0
-        for shard, end in zip(runs.values.to_pylist(), runs.run_ends.to_pylist(), strict=True):
-            yield shard, self.catalogue.slice(start, end - start).to_pylist()
-            start = end
+    @property
+    def catalogue(self) -> pa.Table:
+        """The run's catalogue."""
+        return self.shards.catalogue
 
 
 def read_shard_rows(catalogue: Path, shard: str) -> list[dict[str, Any]]:
     """The catalogue's rows of one shard, read by a worker, in row order."""
-    table = pq.read_table(catalogue, filters=[("shard", "=", shard)])
-    rows: list[dict[str, Any]] = table.to_pylist()
+    status = catalogue.stat()
+    file, ranges = _open(catalogue, status.st_mtime_ns, status.st_size)
+    groups = [i for i, (low, high) in enumerate(ranges) if low <= shard <= high]
+    table = file.read_row_groups(groups, use_threads=False)
+    rows: list[dict[str, Any]] = table.filter(pc.equal(table["shard"], shard)).to_pylist()
     return rows
+
+
+@functools.lru_cache(maxsize=1)
+def _open(catalogue: Path, mtime_ns: int, size: int) -> tuple[Any, list[tuple[str, str]]]:
+    """A catalogue with the first and last shard by name of each of its row groups."""
+    file = pq.ParquetFile(catalogue)
+    column = file.schema_arrow.get_field_index("shard")
+    groups = (file.metadata.row_group(i).column(column) for i in range(file.num_row_groups))
+    return file, [(group.statistics.min, group.statistics.max) for group in groups]
 
 
 def split_shard(shard: str) -> tuple[str, int]:

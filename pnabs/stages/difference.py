@@ -17,7 +17,8 @@ from pnabs.pipeline import Predictor, Shape
 from pnabs.settings import Settings
 from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
 from pnabs.stages.phases import weights_path
-from pnabs.stages.plan import fingerprint
+from pnabs.stages.plan import fingerprint, recipe_digest
+from pnabs.stages.reach import check_run
 from pnabs.stages.sharded import ShardPlan, run_sharded
 from pnabs.stages.stored import StoredShard
 from pnabs.store.atomic import file_digest
@@ -57,6 +58,7 @@ class DifferenceWork:
 
     job: Settings
     home: str
+    token: str
     positive: Path
     preload: tuple[str, ...] = ("pnabs.stages.difference",)
     _predictor: Predictor | None = field(default=None, repr=False)
@@ -65,6 +67,10 @@ class DifferenceWork:
     def task(self) -> DifferenceTask:
         """What the child runs."""
         return DifferenceTask(self.job)
+
+    def check(self) -> None:
+        """See the run folder."""
+        check_run(self.job.out, self.token)
 
     def setup(self) -> None:
         """Load the positive network."""
@@ -117,17 +123,17 @@ def models_of(
 
 def plans(context: Context, variant: str) -> list[ShardPlan]:
     """Every shard with training models, and what its result depends on."""
-    job = context.variants[variant]
+    recipe, shards = recipe_digest(STAGE, context.variants[variant]), context.shards
     weights = file_digest(weights_path(context, variant, "positive"))["sha256"]
+    ingested = context.run.ledger.index("ingest")
     out = []
-    for shard, rows in context.shards():
-        record = context.run.ledger.read("ingest", shard)
-        chosen = models_of(context.run.ledger, rows, shard, SPLITS)
-        if record is None or not chosen:
-            continue
-        names = [row["model_id"] for row in chosen]
-        inputs = {"weights": weights, "ingest": record.digest, "models": names}
-        out.append(ShardPlan(shard, fingerprint(STAGE, job, inputs), len(chosen)))
+    for number, content in enumerate(shards.digests("model_id", "split")):
+        shard = shards.names[number]
+        entry = ingested.get(shard)
+        models = 0 if entry is None else len(shards.chosen(number, SPLITS, dict(entry.fallen)))
+        if entry is not None and models:
+            inputs = {"weights": weights, "ingest": entry.digest, "models": content}
+            out.append(ShardPlan(shard, fingerprint(recipe, inputs), models))
     return out
 
 
@@ -141,5 +147,5 @@ def run(context: Context, variant: str) -> None:
         for category, count in shards.items():
             store.ensure(category, count)
 
-    work = DifferenceWork(job, variant, weights_path(context, variant, "positive"))
+    work = DifferenceWork(job, variant, context.token, weights_path(context, variant, "positive"))
     run_sharded(context, home.stage(STAGE), work, plans(context, variant), prepare)

@@ -26,9 +26,11 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     check_weights(job)
     run = RunFolder(job.settings.out)
     accept = options.accept or not run.ledger.stages()
-    check_identity(run.read_identity(), job.settings, accept=accept)
-    catalogue = scan(job.settings, run, reporter, accept=accept, write=False)
-    context = context_of(job, run, reporter, catalogue)
+    identity = run.read_identity(anew=accept)
+    check_identity(identity, job.settings, accept=accept)
+    catalogue = scan(job.settings, run, identity, reporter, accept=accept).catalogue
+    kept = {} if accept or identity is None else identity["kept_weights"]
+    context = context_of(job, run, reporter, catalogue, kept)
     context = dataclasses.replace(context, selected=select(catalogue, options.categories))
     stages = status(context)
     if options.stages:

@@ -33,6 +33,12 @@ class ShardsFailedError(RunError):
     exit_code = 3
 
 
+class StorageError(RunError):
+    """The run folder can't be written any more; running again resumes."""
+
+    exit_code = 3
+
+
 class InterruptedRunError(RunError):
     """SIGINT or SIGTERM; `exit_code` is 130 or 143."""
 

@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from pnabs.settings import Settings
 from pnabs.stages.errors import RefusedError
 from pnabs.stages.job import Job
-from pnabs.stages.plan import VERSIONS, recipe_digest
+from pnabs.stages.plan import VERSIONS, recipe_digest, stages_of
+from pnabs.store.atomic import file_digest
 
 FIXED = ("dataset.layout", "dataset.shard_size")
 """Settings that the whole run folder is laid out by."""
@@ -50,32 +51,55 @@ def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bo
             + "\n".join(lines)
             + f"\nSet {', '.join(fixed)} back, or give another folder with --out."
         )
-    redone = {
-        stage: f"version {identity['stage_versions'].get(stage)} -> {version}"
+    lines += [
+        f"  stage {stage}: version {identity['stage_versions'].get(stage)} -> {version}"
         for stage, version in VERSIONS.items()
         if identity["stage_versions"].get(stage) != version
-    }
-    lines += [f"  stage {stage}: {change}" for stage, change in redone.items()]
+    ]
+    other = [
+        f"  weights {name}: other content than before"
+        for name, content in sorted(given_weights(Job(job, {}, Path("run.json"))).items())
+        if identity["weights"].get(name, content) != content
+    ]
+    lines += other
     if not lines or accept:
         return
-    stages = ", ".join(_redone(identity["settings"], job)) or "only the report"
+    redone = _redone(identity, job, with_weights=bool(other))
     raise RefusedError(
         "the job differs from what this run folder was made with:\n"
         + "\n".join(lines)
-        + f"\nStages to be redone: {stages}. --accept-changes does that; "
-        "--out gives another folder."
+        + f"\nStages to be redone: {', '.join(redone) or 'only the report'}. --accept-changes does "
+        "that; --out gives another folder."
     )
 
 
-def _redone(settings: dict[str, Any], job: Settings) -> list[str]:
+def given_weights(job: Job) -> dict[str, str]:
+    """Digests of the weights that a job gives, `<variant>/<module>` -> SHA-256."""
+    return {
+        f"{name}/{path.stem}": file_digest(path)["sha256"]
+        for name, settings in job.variants().items()
+        if settings.weights is not None
+        for path in sorted(settings.weights.glob("*.safetensors"))
+    }
+
+
+def _redone(identity: dict[str, Any], job: Settings, *, with_weights: bool) -> list[str]:
+    """Stages in which something is to be done again, in their order."""
     try:
-        before = Settings.model_validate(settings)
+        before = Settings.model_validate(identity["settings"])
     except ValidationError:
         return list(VERSIONS)
     then, now = (Job(value, {}, Path("run.json")).variants() for value in (before, job))
-    done = {(stage, recipe_digest(stage, old)) for stage in VERSIONS for old in then.values()}
-    wanted = {(stage, recipe_digest(stage, new)) for stage in VERSIONS for new in now.values()}
-    changed = {stage for stage, _ in wanted - done}
+    versions = identity["stage_versions"]
+    done = {
+        (stage, recipe_digest(stage, old, versions))
+        for old in then.values()
+        for stage in stages_of(old)
+    }
+    wanted = {
+        (stage, recipe_digest(stage, new)) for new in now.values() for stage in stages_of(new)
+    }
+    changed = {stage for stage, _ in wanted - done} | ({"abstract"} if with_weights else set())
     return [stage for stage in VERSIONS if stage in changed]
 
 

@@ -12,13 +12,14 @@ import numpy as np
 
 from pnabs import batch
 from pnabs.batch.work import Committed
-from pnabs.dataset.errors import SourceError
+from pnabs.dataset.errors import DatasetError, SourceError
 from pnabs.dataset.source import Dataset
 from pnabs.geometry.fields import Fields, compute_fields
 from pnabs.geometry.load import InvalidMeshError, parse_mesh
 from pnabs.settings import Settings
 from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
-from pnabs.stages.plan import fingerprint
+from pnabs.stages.plan import fingerprint, recipe_digest
+from pnabs.stages.reach import check_dataset, check_run
 from pnabs.stages.sharded import ShardPlan, run_sharded
 from pnabs.store.run import RunFolder
 
@@ -38,20 +39,26 @@ class IngestTask:
         ------
         pnabs.batch.InvalidInput
             When the model has no readable mesh.
+        pnabs.batch.Unavailable
+            When the dataset is gone, or its disk or network fails.
         """
         if row["reason"]:
             raise batch.InvalidInput(row["reason"])
         options = self.job.ingest
-        dataset = Dataset(self.job.dataset.root)
-        source = row["source"]
+        root, source = self.job.dataset.root, row["source"]
         try:
+            dataset = Dataset(root)
             data = dataset.read(source, options.limits.max_bytes)
             suffix = PurePosixPath(source.rpartition("!")[2]).suffix.lower()
             sibling = dataset.sibling_reader(source, options.limits.max_bytes)
             mesh = parse_mesh(data, suffix, options.limits, sibling)
             rng = model_rng(self.job.seed, STAGE, row["category"], row["model_id"])
             fields = compute_fields(mesh, options, self.job.dataset.layout, rng)
+        except (DatasetError, OSError) as error:
+            raise batch.Unavailable(f"the dataset {root} can't be read: {error}") from None
         except (SourceError, InvalidMeshError) as error:
+            # A model's file is missing: the model's fault, or the whole dataset's?
+            check_dataset(root)
             text = str(error)
             raise batch.InvalidInput(text if source in text else f"{source}: {text}") from None
         return hashlib.sha256(data).hexdigest(), fields
@@ -62,12 +69,18 @@ class IngestWork:
     """A shard of meshes to a shard of RUN/fields.zarr."""
 
     job: Settings
+    token: str
     preload: tuple[str, ...] = ("pnabs.stages.ingest", "pnabs.stages.warm_ingest")
 
     @property
     def task(self) -> IngestTask:
         """What the child runs."""
         return IngestTask(self.job)
+
+    def check(self) -> None:
+        """See the run folder and the dataset."""
+        check_run(self.job.out, self.token)
+        check_dataset(self.job.dataset.root)
 
     def setup(self) -> None:
         """Nothing: all work is the child's."""
@@ -100,12 +113,12 @@ class IngestWork:
 
 def plans(context: Context) -> list[ShardPlan]:
     """Every shard with what its result depends on: settings, and its models' files."""
-    out = []
-    for shard, models in context.shards():
-        names = ("model_id", "source", "size", "reason")
-        inputs = [[row[name] for name in names] for row in models]
-        out.append(ShardPlan(shard, fingerprint(STAGE, context.job, inputs), len(models)))
-    return out
+    recipe, shards = recipe_digest(STAGE, context.job), context.shards
+    inputs = shards.digests("model_id", "source", "size", "reason")
+    return [
+        ShardPlan(name, fingerprint(recipe, content), int(models))
+        for name, content, models in zip(shards.names, inputs, shards.models, strict=True)
+    ]
 
 
 def run(context: Context) -> None:
@@ -116,4 +129,4 @@ def run(context: Context) -> None:
         for category, count in shards.items():
             store.ensure(category, count)
 
-    run_sharded(context, STAGE, IngestWork(context.job), plans(context), prepare)
+    run_sharded(context, STAGE, IngestWork(context.job, context.token), plans(context), prepare)

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from pnabs.stages.errors import InterruptedRunError
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -16,6 +18,7 @@ class Interrupts:
 
     def __init__(self) -> None:
         self._received: int | None = None
+        self._at_once: str | None = None
 
     def __call__(self) -> int | None:
         """The signal's number, or None."""
@@ -37,8 +40,29 @@ class Interrupts:
         for number in SIGNALS:
             signal.signal(number, self._handle)
 
+    @contextmanager
+    def at_once(self, what: str) -> Iterator[None]:
+        """While the body runs, which never asks and loses nothing, a signal ends it.
+
+        Raises
+        ------
+        InterruptedRunError
+        """
+        self._at_once = what
+        try:
+            if self._received is not None:
+                raise self._stopped(self._received)
+            yield
+        finally:
+            self._at_once = None
+
+    def _stopped(self, number: int) -> InterruptedRunError:
+        return InterruptedRunError(f"stopped while {self._at_once}", 128 + number)
+
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self._received is not None:
             # Twice means now; Ray's local processes end with this one.
             os._exit(128 + number)
         self._received = number
+        if self._at_once is not None:
+            raise self._stopped(number)

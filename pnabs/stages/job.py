@@ -91,20 +91,7 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         raise JobError(f"{path}: a job file is a mapping with at least `dataset` and `out`")
     where = {key: f"{path}, line {line}" for key, line in lines.items()}
     origins = {key: f"{path}:{lines[tuple(key.split('.'))]}" for key in _leaves(tree)}
-    for override in overrides:
-        key, equals, value = override.partition("=")
-        if not equals or not key:
-            raise JobError(f"--set {override}: write it as key=value, such as training.epochs=50")
-        try:
-            parsed = yaml.safe_load(value)
-        except yaml.YAMLError as error:
-            raise JobError(f"--set {override}: the value is not valid YAML: {error}") from None
-        _assign(tree, key, parsed)
-        parts = tuple(key.split("."))
-        for depth in range(1, len(parts)):
-            where.setdefault(parts[:depth], f"--set {override}")
-        where[parts] = f"--set {override}"
-        origins[key] = "--set"
+    _override(tree, overrides, where, origins)
     if out is not None:
         tree["out"] = str(out)
         origins["out"] = where["out",] = "--out"
@@ -180,6 +167,43 @@ def _group(location: tuple[str, ...]) -> list[str]:
             return []
         model = annotation
     return list(model.model_fields)
+
+
+def with_overrides(job: Job, overrides: Sequence[str]) -> Job:
+    """A job with `--set key=value` overrides on top.
+
+    Raises
+    ------
+    JobError
+        When a key or value is wrong.
+    """
+    tree = job.settings.model_dump(mode="json", exclude_unset=False)
+    where, origins = dict(job.where), dict(job.origins)
+    _override(tree, overrides, where, origins)
+    return Job(_absolute(_validate(tree, where, "")), origins, job.path, where)
+
+
+def _override(
+    tree: dict[str, Any],
+    overrides: Sequence[str],
+    where: dict[tuple[str, ...], str],
+    origins: dict[str, str],
+) -> None:
+    """Put overrides into a tree of settings, and note where each came from."""
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not equals or not key:
+            raise JobError(f"--set {override}: write it as key=value, such as training.epochs=50")
+        try:
+            parsed = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise JobError(f"--set {override}: the value is not valid YAML: {error}") from None
+        _assign(tree, key, parsed)
+        parts = tuple(key.split("."))
+        for depth in range(1, len(parts)):
+            where.setdefault(parts[:depth], f"--set {override}")
+        where[parts] = f"--set {override}"
+        origins[key] = "--set"
 
 
 def check_weights(job: Job) -> None:

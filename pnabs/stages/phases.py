@@ -1,13 +1,12 @@
 """The four training phases: what each depends on, where it lies, whether it is done.
 
-A phase's folder is `checkpoints/<module>-<phase>/<fingerprint>`.  While it trains,
-Ray Train keeps its checkpoints there and resumes from the last one; when it is
-done the folder holds the weights, the loss curves and, written last, a record.
+A phase's folder is `checkpoints/<module>-<phase>/<fingerprint>`.  While it trains, its
+last checkpoint lies there (`progress`); when it is done the folder holds the weights,
+the loss curves and, written last, a record.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,13 @@ from typing import Any
 from pnabs.settings import Settings
 from pnabs.stages.context import Context
 from pnabs.stages.errors import UsageError
-from pnabs.stages.plan import fingerprint
+from pnabs.stages.job import Job
+from pnabs.stages.plan import fingerprint, homes, recipe_digest, stages_of
 from pnabs.stages.training_data import TrainingModels
 from pnabs.store.atomic import digest, file_digest
 from pnabs.store.events import read_events
-from pnabs.store.run import Variant
+from pnabs.store.run import RunFolder, Variant
+from pnabs.store.sealed import SealError, unseal
 
 WEIGHTS = "weights.safetensors"
 CURVES = "curves.json"
@@ -27,7 +28,7 @@ RECORD = "record.json"
 PHASES = ("initial", "refinement")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PhasePlan:
     """One phase to be trained.
 
@@ -85,21 +86,73 @@ def weights_path(context: Context, variant: str, module: str) -> Path:
 
 
 def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
-    """The two phases of a module with what each depends on."""
+    """The two phases of a module with what each depends on.
+
+    Where the user kept the weights when the dataset changed, the phases are those that
+    made them.
+    """
     job = context.variants[variant]
     stage = f"train-{module}"
     home = context.home(stage, variant)
     volumes = context.home("difference", variant)
+    recipe = recipe_digest(stage, job)
     models = training_models(context, variant, module)
     plans: list[PhasePlan] = []
     before = None
     for phase in PHASES:
         inputs = {"phase": phase, "models": models.digest, "before": before}
-        mark = fingerprint(stage, job, inputs)
+        mark = fingerprint(recipe, inputs)
+        mark = context.kept_weights.get(kept_key(recipe, phase), mark)
         inherits = plans[-1].folder / WEIGHTS if plans else None
         plans.append(PhasePlan(job, home, volumes, module, phase, mark, models, inherits))
         before = mark
     return plans
+
+
+def kept_key(recipe: str, phase: str) -> str:
+    """What names a phase's weights in run.json when they are kept."""
+    return f"{recipe[:16]}-{phase}"
+
+
+def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
+    """The last finished phases that were trained with a job's settings, whatever the models.
+
+    Returns
+    -------
+    `kept_key` -> fingerprint of the phase.
+
+    Raises
+    ------
+    UsageError
+        When a module that the job trains has no finished weights of its settings.
+    """
+    kept = {}
+    variants = job.variants()
+    for variant, settings in variants.items():
+        trained = [stage for stage in stages_of(settings) if stage.startswith("train-")]
+        for stage in trained:
+            recipe = recipe_digest(stage, settings)
+            home = run.variant(homes(variants, stage)[variant])
+            for phase in PHASES:
+                name = f"{stage.removeprefix('train-')}-{phase}"
+                folder = _last_finished(home.checkpoints(name), recipe)
+                if folder is None:
+                    raise UsageError(
+                        f"--keep-weights: {name} of variant {variant} has no finished weights of "
+                        "these settings in the run folder"
+                    )
+                kept[kept_key(recipe, phase)] = folder.name
+    return kept
+
+
+def _last_finished(checkpoints: Path, recipe: str) -> Path | None:
+    found = []
+    for path in checkpoints.glob(f"*/{RECORD}"):
+        if damaged_files(path.parent) == []:
+            record = unseal(path.read_bytes())
+            if record["recipe"] == recipe:
+                found.append((path.stat().st_mtime_ns, path.parent))
+    return max(found)[1] if found else None
 
 
 def training_models(context: Context, variant: str, module: str) -> TrainingModels:
@@ -107,40 +160,37 @@ def training_models(context: Context, variant: str, module: str) -> TrainingMode
 
     For the negative module only those whose difference volume isn't empty.
     """
-    shards = []
+    ingested = context.run.ledger.index("ingest")
+    last = context.run.ledger.index(source_stage(context, variant, module))
+    chosen = []
     inputs = []
-    stage = source_stage(context, variant, module)
-    for shard, rows in context.shards():
-        split = {row["model_id"]: (row["split"], row["row"]) for row in rows}
-        record = context.run.ledger.read(stage, shard)
-        if record is None:
+    for number, shard in enumerate(context.shards.names):
+        first, entry = ingested.get(shard), last.get(shard)
+        if first is None or entry is None:
             continue
-        chosen = [
-            split[model.model_id][1]
-            for model in record.finished
-            if split[model.model_id][0] == "train" and not model.note.get("empty", False)
-        ]
-        if chosen:
-            shards.append((shard, tuple(sorted(chosen))))
-            inputs.append([shard, record.digest, sorted(chosen)])
-    return TrainingModels(tuple(shards), digest(inputs))
+        gone = {*dict(first.fallen), *dict(entry.fallen), *entry.empty}
+        rows = context.shards.chosen(number, ("train",), gone)
+        if len(rows):
+            chosen.append((shard, rows))
+            inputs.append([shard, entry.digest, digest(rows.astype("<i4").tobytes())])
+    return TrainingModels(tuple(chosen), digest(inputs))
 
 
 def is_done(plan: PhasePlan) -> bool:
     """Whether the phase's record is there, with weights as it says."""
-    return (plan.folder / RECORD).exists() and not damaged_files(plan)
+    return (plan.folder / RECORD).exists() and not damaged_files(plan.folder)
 
 
-def damaged_files(plan: PhasePlan) -> list[str]:
+def damaged_files(folder: Path) -> list[str]:
     """Files of a recorded phase that are missing or changed, the record itself included."""
     try:
-        outputs = json.loads((plan.folder / RECORD).read_bytes())["outputs"].items()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        outputs = unseal((folder / RECORD).read_bytes())["outputs"].items()
+    except (OSError, SealError):
         return [RECORD]
     return [
         name
         for name, expected in outputs
-        if not (plan.folder / name).is_file() or file_digest(plan.folder / name) != expected
+        if not (folder / name).is_file() or file_digest(folder / name) != expected
     ]
 
 

@@ -8,6 +8,7 @@ in sharded stages and progress are in no recipe.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from pnabs.settings import Settings
@@ -23,13 +24,29 @@ VERSIONS = {
     "train-positive": 1,
     "difference": 1,
     "train-negative": 1,
-    "abstract": 1,
+    "abstract": 2,
 }
 """Raised when a stage's bytes change for the same settings and inputs."""
 
 
-def recipe(stage: str, job: Settings) -> dict[str, Any]:
-    """All of a job that a stage's results depend on, earlier stages' recipes included."""
+def stages_of(job: Settings) -> tuple[str, ...]:
+    """The stages with records that a job goes through, in order."""
+    if job.weights is not None:
+        return ("ingest", "abstract")
+    if not job.abstract.negatives:
+        return ("ingest", "train-positive", "abstract")
+    return tuple(VERSIONS)
+
+
+def recipe(stage: str, job: Settings, versions: Mapping[str, int] | None = None) -> dict[str, Any]:
+    """All of a job that a stage's results depend on, earlier stages' recipes included.
+
+    Parameters
+    ----------
+    versions
+        The stages' versions; this program's when None.
+    """
+    versions = VERSIONS if versions is None else versions
     values: dict[str, Any]
     if stage == "ingest":
         values = {
@@ -40,49 +57,62 @@ def recipe(stage: str, job: Settings) -> dict[str, Any]:
     elif stage == "train-positive":
         network = job.network.model_dump(mode="json", exclude={"negatives"})
         training = job.training.model_dump(mode="json", exclude={"losses": {"separation"}})
-        values = {"network": network, "training": training, "after": recipe("ingest", job)}
+        before = recipe("ingest", job, versions)
+        values = {"network": network, "training": training, "after": before}
     elif stage == "difference":
         values = {
             "difference": job.difference.model_dump(mode="json"),
             "iterations": job.abstract.iterations,
-            "after": _positives(job),
+            "after": _positives(job, versions),
         }
     elif stage == "train-negative":
         network = job.network.model_dump(mode="json", exclude={"positives"})
         training = job.training.model_dump(mode="json")
-        values = {"network": network, "training": training, "after": recipe("difference", job)}
+        before = recipe("difference", job, versions)
+        values = {"network": network, "training": training, "after": before}
     elif stage == "abstract":
+        networks = _negatives if job.abstract.negatives else _positives
         values = {
             "abstract": job.abstract.model_dump(mode="json"),
             "difference": job.difference.model_dump(mode="json"),
-            "after": _negatives(job) if job.abstract.negatives else _positives(job),
+            "after": networks(job, versions),
         }
     else:
         raise ValueError(f"stage {stage} keeps no records")
-    return {"stage": stage, "version": VERSIONS[stage], **values}
+    return {"stage": stage, "version": versions.get(stage), **values}
 
 
-def recipe_digest(stage: str, job: Settings) -> str:
+def recipe_digest(stage: str, job: Settings, versions: Mapping[str, int] | None = None) -> str:
     """A recipe as a short name; equal for variants that share the stage's results."""
-    return digest(recipe(stage, job))
+    return digest(recipe(stage, job, versions))
 
 
-def fingerprint(stage: str, job: Settings, inputs: Any) -> str:
-    """What a shard's record or a phase's checkpoint carries: recipe and inputs' digests."""
-    return digest({"recipe": recipe(stage, job), "inputs": inputs})
+def fingerprint(recipe: str, inputs: Any) -> str:
+    """What a shard's record or a phase's checkpoint carries.
+
+    Parameters
+    ----------
+    recipe
+        `recipe_digest` of the stage.
+    inputs
+        Digests of what the result is made from.
+    """
+    return digest([recipe, inputs])
 
 
-def _positives(job: Settings) -> dict[str, Any]:
-    return recipe("train-positive", job) if job.weights is None else _given(job)
+def _positives(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:
+    trained = job.weights is None
+    return recipe("train-positive", job, versions) if trained else _given(job, versions)
 
 
-def _negatives(job: Settings) -> dict[str, Any]:
-    return recipe("train-negative", job) if job.weights is None else _given(job)
+def _negatives(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:
+    trained = job.weights is None
+    return recipe("train-negative", job, versions) if trained else _given(job, versions)
 
 
-def _given(job: Settings) -> dict[str, Any]:
+def _given(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:
     # Given weights enter through the digests of their files, as inputs.
-    return {"weights": "given", "after": recipe("ingest", job)}
+    return {"weights": "given", "after": recipe("ingest", job, versions)}
 
 
 def homes(variants: dict[str, Settings], stage: str) -> dict[str, str]:

@@ -70,8 +70,8 @@ def run(context: Context, command: str) -> str:
 
 def _rows(context: Context, variant: str) -> pa.Table:
     home = context.home("abstract", variant)
-    done = set(context.run.ledger.shards(home.stage("abstract")))
-    return read_metrics([home.metrics(shard) for shard, _ in context.shards() if shard in done])
+    done = context.run.ledger.index(home.stage("abstract"))
+    return read_metrics([home.metrics(shard) for shard in context.shards.names if shard in done])
 
 
 def _covered(job: Settings, rows: pa.Table) -> str:
@@ -84,25 +84,19 @@ def _covered(job: Settings, rows: pa.Table) -> str:
 def _gallery(context: Context, rows: pa.Table, split: str) -> Iterator[report.GalleryItem]:
     job = context.job
     store = context.run.fields(job)
-    place = {
-        (row["category"], row["model_id"]): (shard, row["row"])
-        for shard, models in context.shards()
-        for row in models
-    }
+    catalogue = context.catalogue
     chosen = rows.filter(pc.equal(rows["status"], "ok"))
     if split != "all":
         chosen = chosen.filter(pc.equal(chosen["split"], split))
-    by_category: dict[str, list[dict[str, Any]]] = defaultdict(list)
     order = chosen.sort_by([("iou_64", "descending"), ("model_id", "ascending")])
-    for row in order.to_pylist():
-        by_category[row["category"]].append(row)
-    for category in sorted(by_category):
-        ranked = by_category[category]
+    for category in sorted(order["category"].unique().to_pylist()):
+        ranked = order.filter(pc.equal(order["category"], category))
+        own = catalogue.filter(pc.equal(catalogue["category"], category))
         count = min(job.report.pictures, len(ranked))
         for position in np.unique(np.linspace(0, len(ranked) - 1, count).round().astype(int)):
-            row = ranked[position]
-            shard, index = place[category, row["model_id"]]
-            number = split_shard(shard)[1]
+            row = ranked.slice(position, 1).to_pylist()[0]
+            (place,) = own.filter(pc.equal(own["model_id"], row["model_id"])).to_pylist()
+            number, index = split_shard(place["shard"])[1], place["row"]
             triangles = store.read_shard(category, number, "preview", index + 1)[index]
             yield _item(job, row, triangles.astype(np.float64))
 
@@ -149,8 +143,8 @@ def _curves(context: Context) -> dict[str, list[dict[str, float]]]:
 def _quarantine(context: Context) -> Iterator[report.Quarantined]:
     ledger = context.run.ledger
     for stage in ledger.stages():
-        for shard in ledger.shards(stage):
-            record = ledger.read(stage, shard)
+        for shard, entry in sorted(ledger.index(stage).items()):
+            record = ledger.read(stage, shard) if entry.fallen else None
             for model in record.quarantined if record else ():
                 category = split_shard(shard)[0]
                 yield report.Quarantined(stage, category, model.model_id, model.kind, model.reason)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 
@@ -15,13 +17,16 @@ from pnabs.dataset import catalogue as catalogues
 from pnabs.dataset.synsets import resolve_category
 from pnabs.stages import abstract, difference, ingest, report, train
 from pnabs.stages.context import Context
-from pnabs.stages.errors import InterruptedRunError, RefusedError, UsageError
-from pnabs.stages.identity import check_identity
+from pnabs.stages.errors import InterruptedRunError, RefusedError, StorageError, UsageError
+from pnabs.stages.identity import check_identity, given_weights
 from pnabs.stages.interrupts import Interrupts
 from pnabs.stages.job import Job, check_weights
+from pnabs.stages.phases import find_weights
 from pnabs.stages.plan import STAGES, VERSIONS, homes
 from pnabs.stages.progress import Reporter
 from pnabs.stages.scan import scan
+from pnabs.stages.shards import Shards
+from pnabs.store.atomic import write_atomic
 from pnabs.store.events import EventLog
 from pnabs.store.lock import LockedError, run_lock
 from pnabs.store.run import RunFolder
@@ -43,6 +48,8 @@ class Options:
         Per cent of the models that may fall out of a stage; the job's when None.
     accept
         Redo what changed settings, inputs or versions call for.
+    keep_weights
+        Don't train again because of changed or added models.
     command
         The command that makes the run again.
     """
@@ -52,6 +59,7 @@ class Options:
     categories: Sequence[str] = ()
     max_failed: float | None = None
     accept: bool = False
+    keep_weights: bool = False
     command: str = ""
 
 
@@ -94,35 +102,51 @@ def run_job(
     check_weights(job)
     run = RunFolder(job.settings.out)
     interrupts = Interrupts()
+    go_on = f"To go on: {options.command or 'run again'}"
     with ExitStack() as stack:
         stack.enter_context(interrupts.installed())
-        stack.enter_context(held(run.root))
-        context = open_run(job, options, reporter, interrupts, stack, executor)
+        token = stack.enter_context(held(run.root))
         try:
-            return _do(context, options)
+            context = open_run(job, options, reporter, interrupts, token, stack, executor)
+            return _do(context, options, interrupts)
         except InterruptedRunError as error:
-            raise InterruptedRunError(
-                f"{error}. To go on: {options.command or 'run again'}", error.exit_code
-            ) from None
+            raise InterruptedRunError(f"{error}. {go_on}", error.exit_code) from None
+        except OSError as error:
+            if not is_storage(error):
+                raise
+            where = f" {error.filename}" if error.filename else f" below {run.root}"
+            raise StorageError(
+                f"can't write{where}: {error.strerror}. What is committed stays. {go_on}"
+            ) from error
+
+
+def is_storage(error: OSError) -> bool:
+    """Whether an error is the disk's, and not a mistake of ours."""
+    return error.errno in (
+        *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE),
+        *(errno.EACCES, errno.EPERM, errno.ENOTCONN, errno.ETIMEDOUT),
+    )
 
 
 @contextmanager
-def held(run: Path) -> Iterator[None]:
-    """Hold the run folder while the body runs.
+def held(run: Path) -> Iterator[str]:
+    """Hold the run folder while the body runs; yields the token that its workers know it by.
 
     Raises
     ------
     RefusedError
         When another driver holds it.
+    UsageError
+        When it can't be written.
     """
     with ExitStack() as stack:
         try:
-            stack.enter_context(run_lock(run))
+            token = stack.enter_context(run_lock(run))
         except LockedError as error:
             raise RefusedError(str(error)) from None
         except OSError as error:
             raise UsageError(f"can't write the run folder {run}: {error.strerror}") from None
-        yield
+        yield token
 
 
 def open_run(
@@ -130,6 +154,7 @@ def open_run(
     options: Options,
     reporter: Reporter,
     interrupts: Interrupts,
+    token: str,
     stack: ExitStack,
     executor: Callable[[WorkerLimits], Executor] | None = None,
 ) -> Context:
@@ -138,15 +163,28 @@ def open_run(
     run = RunFolder(settings.out)
     # A folder in which nothing is done yet has nothing that could be redone.
     accept = options.accept or not run.ledger.stages()
-    check_identity(run.read_identity(), settings, accept=accept)
-    catalogue = scan(settings, run, reporter, accept=accept)
+    identity = run.read_identity(anew=accept)
+    check_identity(identity, settings, accept=accept)
+    with interrupts.at_once("listing the dataset"):
+        found = scan(settings, run, identity, reporter, accept=accept)
+    kept = _kept_weights(job, run, identity, options)
+    run.sweep()
+    for shard in found.edited:
+        run.ledger.withdraw("ingest", shard)
+    content = catalogues.to_bytes(found.catalogue)
     run.write_identity(
         settings,
         origins=job.origins,
         stage_versions=VERSIONS,
-        dataset_fingerprint=catalogues.fingerprint(catalogue),
+        dataset_fingerprint=catalogues.fingerprint(found.catalogue),
+        catalogue=content,
+        weights=given_weights(job),
+        kept_weights=kept,
         command=options.command,
     )
+    if not run.catalogue.exists() or run.catalogue.read_bytes() != content:
+        write_atomic(run.catalogue, content)
+    del content
     events = EventLog(run.root, "driver")
     stack.callback(events.close)
     started: list[bool] = []
@@ -158,14 +196,17 @@ def open_run(
 
         reporter.say("starting Ray ..." if options.address is None else "joining Ray ...")
         try:
-            started.append(stack.enter_context(ray_session(options.address, run.root)))
+            with interrupts.at_once("Ray was starting"):
+                started.append(stack.enter_context(ray_session(options.address, run.root)))
         except SystemExit:
             # While it starts, Ray answers SIGTERM itself.
             raise InterruptedRunError("stopped while Ray was starting", 143) from None
         interrupts.install()
 
     runtime = settings.runtime
-    limits = WorkerLimits(runtime.deadline, runtime.memory)
+    limits = WorkerLimits(
+        runtime.deadline, runtime.memory, runtime.isolation == "child", runtime.stall
+    )
 
     def on_ray() -> Executor:
         start_ray()
@@ -181,8 +222,8 @@ def open_run(
         job=settings,
         variants=job.variants(),
         run=run,
-        catalogue=catalogue,
-        selected=select(catalogue, options.categories),
+        shards=Shards(found.catalogue),
+        selected=select(found.catalogue, options.categories),
         executor=on_ray if executor is None else functools.partial(executor, limits),
         reporter=reporter,
         events=events,
@@ -190,7 +231,19 @@ def open_run(
         interrupted=interrupts,
         start_ray=start_ray,
         owns_ray=lambda: any(started),
+        token=token,
+        kept_weights=kept,
     )
+
+
+def _kept_weights(
+    job: Job, run: RunFolder, identity: dict[str, Any] | None, options: Options
+) -> dict[str, str]:
+    """The phases whose weights stay whatever the dataset is now, for run.json."""
+    if options.keep_weights:
+        return find_weights(job, run)
+    # A change that is accepted without it trains again.
+    return {} if options.accept or identity is None else dict(identity["kept_weights"])
 
 
 def select(catalogue: pa.Table, categories: Sequence[str]) -> frozenset[str] | None:
@@ -201,7 +254,7 @@ def select(catalogue: pa.Table, categories: Sequence[str]) -> frozenset[str] | N
     return frozenset(resolve_category(name, available) for name in categories)
 
 
-def _do(context: Context, options: Options) -> Result:
+def _do(context: Context, options: Options, interrupts: Interrupts) -> Result:
     stages = options.stages or STAGES
     jobs = context.variants
     if "ingest" in stages:
@@ -223,6 +276,7 @@ def _do(context: Context, options: Options) -> Result:
             abstract.run(context, name)
     tables, page = "", None
     if "report" in stages:
-        tables = report.run(context, options.command)
+        with interrupts.at_once("the report was being made"):
+            tables = report.run(context, options.command)
         page = context.run.report / "index.html"
     return Result(tables, page, tuple(context.problems))

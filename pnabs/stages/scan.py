@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,29 +16,55 @@ from pnabs.dataset.source import Dataset
 from pnabs.settings import Settings
 from pnabs.stages.errors import RefusedError
 from pnabs.stages.progress import Reporter
-from pnabs.store.run import RunFolder
+from pnabs.store.run import RunFolder, RunFolderError
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """What a scan found.
+
+    Attributes
+    ----------
+    catalogue
+        The run's catalogue, extended by what is new.
+    edited
+        Shards whose models' files have other bytes in the same number: content is no part of
+        the catalogue, so their records are to be withdrawn.
+    """
+
+    catalogue: pa.Table
+    edited: frozenset[str] = frozenset()
 
 
 def scan(
-    job: Settings, run: RunFolder, reporter: Reporter, *, accept: bool, write: bool = True
-) -> pa.Table:
+    job: Settings,
+    run: RunFolder,
+    identity: dict[str, Any] | None,
+    reporter: Reporter,
+    *,
+    accept: bool,
+) -> Scan:
     """The run's catalogue: made on the first run, compared with the dataset on later ones.
+
+    Writes nothing.
 
     Parameters
     ----------
+    identity
+        run.json; None for a new run, or where it is lost.
     accept
-        Take changed and added models into the catalogue.
-    write
-        Leave the folder as it is when False (`--dry-run`).
+        Take changed and added models into the catalogue, or make a damaged one again.
 
     Raises
     ------
     RefusedError
         When models were added or changed and `accept` is False; says which.
+    pnabs.store.run.RunFolderError
+        When the catalogue is damaged or lost.
     pnabs.dataset.errors.DatasetError
         When the dataset can't be listed and there is no catalogue to go on with.
     """
-    old = catalogue.read(run.catalogue) if run.catalogue.exists() else None
+    old = stored_catalogue(run, identity, anew=accept)
     try:
         found = catalogue.scan(job.dataset, Path.cwd())
     except DatasetError:
@@ -45,49 +72,87 @@ def scan(
         if old is None or not isinstance(root, Path) or root.exists():
             raise
         reporter.say(f"the dataset {root} is not there; going on with what is catalogued")
-        return old
+        return Scan(old)
     if old is None:
-        if write:
-            catalogue.write(found, run.catalogue)
-        return found
-    missing = sorted(set(_keys(old)) - set(_keys(found)))
-    if missing:
+        lost = identity is not None and bool(run.ledger.stages())
+        if lost and catalogue.fingerprint(found) != (identity or {})["dataset_fingerprint"]:
+            raise RefusedError(
+                f"{run.catalogue} is damaged or lost, and the dataset as it is now gives another: "
+                "put back a copy of it, or begin a new run folder"
+            )
+        return Scan(found)
+    if found.equals(old):
+        return Scan(old)
+    gone = pc.invert(pc.is_in(_keys(old), value_set=_keys(found)))
+    missing = old.filter(gone)
+    if len(missing):
         reporter.say(
             f"{len(missing)} models of this run are not in the dataset as the job names it now "
-            f"(gone, or left out by dataset.categories or dataset.limit), such as {missing[0]}; "
-            "they stay in the run"
+            "(gone, or left out by dataset.categories or dataset.limit), such as "
+            f"{_keys(missing)[0]}; they stay in the run"
         )
     merged = catalogue.extend(old, found, job.dataset.shard_size)
-    edited = _edited(job, run, old, merged)
-    differences = _differences(old, merged, edited)
+    before = pc.index_in(_keys(merged), value_set=_keys(old))
+    kept = merged.filter(pc.is_valid(before))
+    then = old.take(before.drop_null())
+    edited = _edited(job, run, then, kept)
+    differences = _differences(then, kept, merged.filter(pc.is_null(before)), edited)
     if differences and not accept:
         raise RefusedError(
             "the dataset has changed since this run began:\n"
             + "\n".join(f"  {line}" for line in differences)
             + "\n--accept-changes takes it as it is now: added models get shards of their own, "
-            "changed models' shards are redone, and training with them."
+            "changed models' shards are redone, and training with them "
+            "(not with --keep-weights)."
         )
-    if write and not merged.equals(old):
-        for shard in {row["shard"] for row in edited}:
-            # Content is no part of the catalogue: without its record the shard is done again.
-            run.ledger.withdraw("ingest", shard)
-        catalogue.write(merged, run.catalogue)
-    return merged
+    return Scan(merged, frozenset(row["shard"] for row in edited))
 
 
-def _edited(job: Settings, run: RunFolder, old: pa.Table, new: pa.Table) -> list[dict[str, Any]]:
+def stored_catalogue(
+    run: RunFolder, identity: dict[str, Any] | None, *, anew: bool = False
+) -> pa.Table | None:
+    """The catalogue that lies in the run folder, checked; None when there is none yet.
+
+    Parameters
+    ----------
+    anew
+        Take a damaged or lost one for one that is to be made again.
+
+    Raises
+    ------
+    pnabs.store.run.RunFolderError
+        When it is damaged or lost.
+    pnabs.dataset.errors.DatasetError
+        When it isn't a catalogue.
+    """
+    if identity is None:
+        # run.json is written first, so this is a leftover, or run.json was lost.
+        usable = run.catalogue.exists() and bool(run.ledger.stages())
+        return catalogue.read(run.catalogue) if usable else None
+    if not run.catalogue.exists() and not run.ledger.stages():
+        return None
+    try:
+        run.check_catalogue(identity)
+    except RunFolderError:
+        if anew:
+            return None
+        raise
+    return catalogue.read(run.catalogue)
+
+
+def _edited(job: Settings, run: RunFolder, then: pa.Table, now: pa.Table) -> list[dict[str, Any]]:
     """Ingested models whose file has another time and the same size, but other bytes."""
-    before = dict(zip(_keys(old), old.to_pylist(), strict=True))
+    touched = pc.and_(
+        pc.and_(pc.equal(then["size"], now["size"]), pc.equal(now["reason"], "")),
+        pc.not_equal(then["mtime_ns"], now["mtime_ns"]),
+    )
     dataset = Dataset(job.dataset.root)
     edited = []
-    for key, row in zip(_keys(new), new.to_pylist(), strict=True):
-        then = before.get(key)
-        same = then is not None and then["size"] == row["size"] and not row["reason"]
-        if not same or then is None or then["mtime_ns"] == row["mtime_ns"]:
-            continue
-        record = run.ledger.read("ingest", row["shard"])
-        notes = {m.model_id: m.note for m in record.models} if record else {}
-        known = notes.get(row["model_id"], {}).get("source_sha256")
+    digests: dict[str, dict[str, Any]] = {}
+    for row in now.filter(touched).to_pylist():
+        if row["shard"] not in digests:
+            digests = {row["shard"]: _source_digests(run, row["shard"])}
+        known = digests[row["shard"]].get(row["model_id"])
         if known is None:
             continue
         try:
@@ -99,32 +164,30 @@ def _edited(job: Settings, run: RunFolder, old: pa.Table, new: pa.Table) -> list
     return edited
 
 
-def _differences(old: pa.Table, new: pa.Table, edited: list[dict[str, Any]]) -> list[str]:
+def _source_digests(run: RunFolder, shard: str) -> dict[str, Any]:
+    record = run.ledger.read("ingest", shard)
+    return {m.model_id: m.note.get("source_sha256") for m in record.models} if record else {}
+
+
+def _differences(
+    then: pa.Table, now: pa.Table, added: pa.Table, edited: list[dict[str, Any]]
+) -> list[str]:
     lines = []
     if edited:
         first = f"{edited[0]['category']}/{edited[0]['model_id']}"
         lines.append(f"content changed: {len(edited)} models ({first}, ...)")
-    before = dict(zip(_keys(old), range(len(old)), strict=True))
-    rows = [before.get(key, -1) for key in _keys(new)]
-    known = pa.array([row >= 0 for row in rows], pa.bool_())
-    added = new.filter(pc.invert(known))
     if len(added):
         counts = pc.value_counts(added["category"]).to_pylist()
         parts = ", ".join(f"{item['counts']} in {item['values']}" for item in counts)
         lines.append(f"added: {len(added)} models ({parts})")
-    now = new.filter(known)
-    then = old.take(pa.array([row for row in rows if row >= 0], pa.int64()))
     for column in ("source", "size", "split", "reason"):
         changed = then.filter(pc.not_equal(then[column], now[column]))
         if len(changed):
-            names = _keys(changed.slice(0, 3))
+            names = _keys(changed.slice(0, 3)).to_pylist()
             more = ", ..." if len(changed) > 3 else ""
             lines.append(f"{column} changed: {len(changed)} models ({', '.join(names)}{more})")
     return lines
 
 
-def _keys(table: pa.Table) -> list[str]:
-    keys: list[str] = pc.binary_join_element_wise(
-        table["category"], table["model_id"], "/"
-    ).to_pylist()
-    return keys
+def _keys(table: pa.Table) -> pa.ChunkedArray:
+    return pc.binary_join_element_wise(table["category"], table["model_id"], "/")

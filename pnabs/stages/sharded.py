@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
-from pnabs.batch import Outcome, ShardDone, ShardFailed, ShardWork
+from pnabs.batch import Outcome, ShardDone, ShardFailed, ShardWork, Unavailable, Watcher
 from pnabs.stages.context import Context, split_shard
 from pnabs.stages.errors import InterruptedRunError, ShardsFailedError, TooManyFailedError
+from pnabs.stages.progress import Tracker
 from pnabs.store.ledger import ModelVerdict, Record
 
 FIRST_MODELS = 32
@@ -15,6 +17,9 @@ FIRST_MODELS = 32
 
 NEARLY_ALL = 0.9
 """Share of the first models whose failure ends a run early."""
+
+FAILURES_TOLD = 20
+"""Failed shards whose causes a message tells one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +33,12 @@ class ShardPlan:
 
 def pending(context: Context, stage: str, plans: list[ShardPlan]) -> list[ShardPlan]:
     """The shards without a record of the fingerprint they should have."""
-    missing = []
-    for plan in plans:
-        record = context.run.ledger.read(stage, plan.shard)
-        if record is None or record.fingerprint != plan.fingerprint:
-            missing.append(plan)
-    return missing
+    entries = context.run.ledger.index(stage)
+    return [
+        plan
+        for plan in plans
+        if (entry := entries.get(plan.shard)) is None or entry.fingerprint != plan.fingerprint
+    ]
 
 
 def is_chosen(context: Context, shard: str) -> bool:
@@ -73,79 +78,149 @@ def run_sharded(
         When shards failed for causes that are no model's.
     InterruptedRunError
         When the run was asked to stop.
+    OSError
+        When the driver itself can't write any more.
     """
     ledger = context.run.ledger
     wanted = chosen(context, plans)
     todo = {plan.shard: plan for plan in pending(context, stage, wanted)}
-    total = sum(plan.models for plan in wanted)
-    before = total - sum(plan.models for plan in todo.values())
-    failed: list[ShardFailed] = []
     if todo:
         highest: dict[str, int] = {}
         for plan in plans:
             category, number = split_shard(plan.shard)
             highest[category] = max(highest.get(category, 0), number + 1)
         prepare(highest)
-        context.events("stage-start", stage=stage, shards=len(todo), models=total - before)
-        seen = fallen = 0
-        with context.reporter.track(stage, total, "models") as tracker:
-            note = ""
-            tracker.update(before)
-
-            def progress(done: int) -> None:
-                tracker.update(min(before + done, total), note)
-                _stop_if_asked(context, stage)
-
-            for result in context.executor().map(work, list(todo), progress):
-                if isinstance(result, ShardFailed):
-                    failed.append(result)
-                    context.events(
-                        "shard-failed", stage=stage, shard=result.shard, reason=result.reason
-                    )
-                    continue
-                record = _record(stage, result, todo[result.shard].fingerprint)
-                ledger.commit(record)
-                seen += len(record.models)
-                fallen += len(record.quarantined)
-                note = f"quarantined={fallen}" if fallen else ""
-                context.events(
-                    "shard",
-                    stage=stage,
-                    shard=result.shard,
-                    models=len(record.models),
-                    quarantined=len(record.quarantined),
-                    seconds=round(result.seconds, 3),
-                    peak_memory=result.peak_memory,
-                )
-                if (
-                    seen >= FIRST_MODELS
-                    and before == 0
-                    and fallen > NEARLY_ALL * seen
-                    and context.max_failed < 100
-                ):
-                    ledger.write_quarantine(stage)
-                    raise TooManyFailedError(_nearly_all(context, stage, fallen, seen))
-                _stop_if_asked(context, stage)
-            if not failed:
-                tracker.update(total, note)
+        total = sum(plan.models for plan in wanted)
+        left = sum(plan.models for plan in todo.values())
+        context.events("stage-start", stage=stage, shards=len(todo), models=left)
+        with context.reporter.track(stage, total, "models") as tracker, _derived(context, stage):
+            progress = _Progress(context, stage, tracker, total, total - left)
+            progress.progress(0)
+            try:
+                for result in context.executor().map(work, list(todo), progress):
+                    if isinstance(result, ShardFailed):
+                        progress.failed(result)
+                    else:
+                        record = _record(stage, result, todo[result.shard].fingerprint)
+                        ledger.commit(record)
+                        progress.done(result, record)
+                        progress.stop_if_hopeless()
+                    progress.stop_if_asked()
+            except Unavailable as error:
+                raise ShardsFailedError(_failures(progress, len(todo), str(error))) from None
         context.events("stage-end", stage=stage)
-        ledger.write_quarantine(stage)
-    if failed:
-        causes = "\n".join(f"  {item.shard}: {item.reason}" for item in failed)
-        raise ShardsFailedError(
-            f"{stage}: {len(failed)} of {len(todo)} shards could not be finished:\n{causes}\n"
-            "The others are committed; the same command does just these again."
-        )
+        if progress.failures:
+            raise ShardsFailedError(_failures(progress, len(todo), ""))
+    ledger.save_index(stage)
     _check_failures(context, stage, plans)
 
 
+@contextlib.contextmanager
+def _derived(context: Context, stage: str) -> Iterator[None]:
+    """However a stage ends, bring what is derived from its records up to date."""
+    try:
+        yield
+    except BaseException:
+        # A disk that is full must not hide why the stage ends.
+        with contextlib.suppress(OSError):
+            _derive(context, stage)
+        raise
+    _derive(context, stage)
+
+
+def _derive(context: Context, stage: str) -> None:
+    context.run.ledger.save_index(stage)
+    context.run.ledger.write_quarantine(stage)
+
+
+@dataclass(slots=True)
+class _Progress(Watcher):
+    """Counts what is committed, tells of it, and ends the stage when asked to."""
+
+    context: Context
+    stage: str
+    tracker: Tracker
+    total: int
+    before: int
+    seen: int = 0
+    fallen: int = 0
+    shards: int = 0
+    failures: list[ShardFailed] = field(default_factory=list)
+
+    def started(self, shard: str, where: str) -> None:
+        self.context.events("shard-start", stage=self.stage, shard=shard, where=where)
+
+    def progress(self, models: int) -> None:
+        note = f"quarantined={self.fallen}" if self.fallen else ""
+        if self.failures:
+            note += f" shards-failed={len(self.failures)}"
+        done = min(self.before + self.seen + models, self.total)
+        self.tracker.update(done, note.strip())
+        self.stop_if_asked()
+
+    def warn(self, message: str) -> None:
+        self.context.reporter.say(f"{self.stage}: {message}")
+        self.context.events("warning", stage=self.stage, message=message)
+
+    def done(self, done: ShardDone, record: Record) -> None:
+        """Count a shard that is committed."""
+        self.shards += 1
+        self.seen += len(record.models)
+        self.fallen += len(record.quarantined)
+        self.context.events(
+            "shard",
+            stage=self.stage,
+            shard=done.shard,
+            models=len(record.models),
+            quarantined=len(record.quarantined),
+            seconds=round(done.seconds, 3),
+            peak_memory=done.peak_memory,
+        )
+
+    def failed(self, failure: ShardFailed) -> None:
+        self.failures.append(failure)
+        self.context.events(
+            "shard-failed", stage=self.stage, shard=failure.shard, reason=failure.reason
+        )
+        self.context.reporter.say(f"{self.stage}: shard {failure.shard} failed: {failure.reason}")
+
+    def stop_if_hopeless(self) -> None:
+        """End a run whose first models nearly all fall out."""
+        first = self.seen >= FIRST_MODELS and self.before == 0
+        if first and self.fallen > NEARLY_ALL * self.seen and self.context.max_failed < 100:
+            raise TooManyFailedError(_nearly_all(self.context, self.stage, self.fallen, self.seen))
+
+    def stop_if_asked(self) -> None:
+        signal_number = self.context.interrupted()
+        if signal_number is not None:
+            raise InterruptedRunError(
+                f"stopped in {self.stage}: {self.before + self.seen} of {self.total} models are "
+                "committed, and stay; what was in flight is dropped",
+                128 + signal_number,
+            )
+
+
+def _failures(progress: _Progress, shards: int, hopeless: str) -> str:
+    failures = progress.failures
+    causes = "".join(f"\n  {item.shard}: {item.reason}" for item in failures[:FAILURES_TOLD])
+    if len(failures) > FAILURES_TOLD:
+        causes += f"\n  ... (`pnabs status {progress.context.run.root} --shards` lists all)"
+    text = f"{progress.stage}: {len(failures)} of {shards} shards could not be finished:{causes}"
+    if hopeless:
+        left = shards - len(failures) - progress.shards
+        text = (
+            f"{progress.stage} ends here, because no shard could be finished any more: {hopeless}"
+            + (f"\n{len(failures)} shards failed:{causes}" if failures else "")
+            + (f"\n{left} shards were not begun." if left else "")
+        )
+    return f"{text}\nWhat is committed stays; the same command does just the others."
+
+
 def _check_failures(context: Context, stage: str, plans: list[ShardPlan]) -> None:
-    models = fallen = 0
-    for plan in plans:
-        record = context.run.ledger.read(stage, plan.shard)
-        if record is not None:
-            models += len(record.models)
-            fallen += len(record.quarantined)
+    entries = context.run.ledger.index(stage)
+    found = [entry for plan in plans if (entry := entries.get(plan.shard)) is not None]
+    models = sum(entry.models for entry in found)
+    fallen = sum(len(entry.fallen) for entry in found)
     if models and 100 * fallen / models > context.max_failed:
         context.problems.append(
             f"{stage}: {fallen} of {models} models fell out, more than {context.max_failed:g} %; "
@@ -155,8 +230,8 @@ def _check_failures(context: Context, stage: str, plans: list[ShardPlan]) -> Non
 
 def _nearly_all(context: Context, stage: str, fallen: int, seen: int) -> str:
     reasons: dict[str, int] = {}
-    for shard in context.run.ledger.shards(stage):
-        record = context.run.ledger.read(stage, shard)
+    for shard, entry in context.run.ledger.index(stage).items():
+        record = context.run.ledger.read(stage, shard) if entry.fallen else None
         for model in record.quarantined if record else ():
             key = f"{model.kind}: {model.reason}"
             reasons[key] = reasons.get(key, 0) + 1
@@ -165,14 +240,6 @@ def _nearly_all(context: Context, stage: str, fallen: int, seen: int) -> str:
         f"{stage}: {fallen} of the first {seen} models fell out, so the run stops here; "
         f"most often ({count} times): {reason}. --max-failed 100 goes on regardless."
     )
-
-
-def _stop_if_asked(context: Context, stage: str) -> None:
-    signal_number = context.interrupted()
-    if signal_number is not None:
-        raise InterruptedRunError(
-            f"stopped in {stage}; every committed shard stays", 128 + signal_number
-        )
 
 
 def _record(stage: str, done: ShardDone, fingerprint: str) -> Record:

@@ -26,7 +26,7 @@ class StoredShard:
 
     Raises
     ------
-    pnabs.store.arrays.DamagedArrayError
+    pnabs.store.errors.DamagedDataError
         When stored data is missing or damaged.
     """
 

@@ -2,27 +2,42 @@
 
 from __future__ import annotations
 
+import secrets
 import shutil
 import time
+from typing import Any
 
-from pnabs.stages import difference, ingest
+from pnabs.stages import difference, ingest, train_state
 from pnabs.stages.context import Context
-from pnabs.stages.errors import InterruptedRunError, RunError, UsageError
+from pnabs.stages.errors import InterruptedRunError, RunError, ShardsFailedError, UsageError
 from pnabs.stages.phases import (
     CURVES,
     RECORD,
     WEIGHTS,
     PhasePlan,
+    damaged_files,
     is_done,
-    last_epoch,
     phase_plans,
     source_stage,
 )
+from pnabs.stages.plan import recipe_digest
 from pnabs.stages.sharded import pending
 from pnabs.stages.train_loop import train_loop
-from pnabs.store.atomic import file_digest, pretty_json, write_atomic
+from pnabs.store.atomic import file_digest, write_atomic
+from pnabs.store.events import EventTail
+from pnabs.store.run import RunFolder
+from pnabs.store.sealed import seal
 
 POLL_SECONDS = 0.3
+QUIET_SECONDS = 60.0
+"""When workers have told of nothing for so long, the user is told."""
+
+START_SECONDS = 600.0
+"""What training workers may take to start on a busy cluster."""
+
+FAILURES = 2
+"""How often a lost worker makes Ray Train start the phase's workers again."""
+
 CANCEL_SECONDS = 20.0
 """How long an interrupted run waits for Ray Train to end its workers on a Ray that stays."""
 
@@ -37,7 +52,11 @@ def run(context: Context, variant: str, module: str) -> None:
     InterruptedRunError
         When the run was asked to stop; training goes on from its last checkpoint.
     """
-    todo = [plan for plan in phase_plans(context, variant, module) if not is_done(plan)]
+    plans = phase_plans(context, variant, module)
+    todo = [plan for plan in plans if not is_done(plan)]
+    for plan in plans:
+        if plan not in todo:
+            train_state.drop(plan.folder)
     if not todo:
         return
     _check_complete(context, variant, module)
@@ -90,38 +109,109 @@ def _train(context: Context, plan: PhasePlan) -> None:
             f"train-{plan.module}: there is no {what} in the training split; "
             "check dataset.split, or give trained weights with `weights:`"
         )
-    plan.folder.mkdir(parents=True, exist_ok=True)
+    _begin(context, plan)
     epochs = plan.job.training.epochs
     context.events("phase-start", stage=f"train-{plan.module}", phase=plan.name)
     # A task of its own keeps the driver light, and can be cancelled: Ray Train then ends its
     # workers and gives back their CPUs, which killing it would not.
-    begun = time.time()
-    fitting = ray.remote(num_cpus=0, max_retries=0)(_fit).remote(plan)
+    fitting = ray.remote(num_cpus=0, max_retries=0)(_fit).remote(plan, context.token)
     with context.reporter.track(f"train {plan.name}", epochs, "epochs") as tracker:
+        watch = _Watch(context, plan)
         while not ray.wait([fitting], timeout=POLL_SECONDS)[0]:
-            last = last_epoch(plan)
-            if last is not None and last["time"] >= begun:
-                tracker.update(last["epoch"] + 1, f"loss={last['total']:.5f}")
+            epoch = watch.look()
+            if epoch is not None:
+                tracker.update(epoch["epoch"] + 1, f"loss={epoch['total']:.5f}")
             signal_number = context.interrupted()
-            if signal_number is not None:
-                ray.cancel(fitting, force=False, recursive=False)
-                ray.wait([fitting], timeout=0 if context.owns_ray() else CANCEL_SECONDS)
-                raise InterruptedRunError(
-                    f"stopped in phase {plan.name}; it goes on from its last checkpoint",
-                    128 + signal_number,
+            if signal_number is None and not watch.lost:
+                continue
+            ray.cancel(fitting, force=False, recursive=False)
+            ray.wait([fitting], timeout=0 if context.owns_ray() else CANCEL_SECONDS)
+            if signal_number is None:
+                raise ShardsFailedError(
+                    f"training {plan.name} got nowhere: {watch.words}. It goes on from its last "
+                    "checkpoint when the command is run again."
                 )
+            raise InterruptedRunError(
+                f"stopped in phase {plan.name}; it goes on from its last checkpoint",
+                128 + signal_number,
+            )
         try:
             ray.get(fitting)
         except RayError as error:
-            raise RunError(f"training {plan.name} failed: {error}") from error
+            raise ShardsFailedError(
+                f"training {plan.name} failed: {_cause(error)}\n"
+                "It goes on from its last checkpoint when the command is run again."
+            ) from error
         tracker.update(epochs)
     _finish(plan)
     context.events("phase-end", stage=f"train-{plan.module}", phase=plan.name)
 
 
-def _fit(plan: PhasePlan) -> None:
+def _begin(context: Context, plan: PhasePlan) -> None:
+    """Make the phase's folder; what is damaged in it goes, and the phase begins again."""
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    damaged = train_state.damaged_state(plan.folder)
+    if (plan.folder / RECORD).exists():
+        damaged += damaged_files(plan.folder)
+    if damaged:
+        context.reporter.say(
+            f"{plan.name}: {', '.join(damaged)} is missing or damaged; the phase begins again"
+        )
+        shutil.rmtree(plan.folder)
+        plan.folder.mkdir()
+    train_state.begin(plan.folder)
+
+
+class _Watch:
+    """Follows a phase by its workers' events, and tells when none come."""
+
+    def __init__(self, context: Context, plan: PhasePlan) -> None:
+        self._context, self._plan = context, plan
+        self._tail = EventTail(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-*")
+        self._moved = self._told = time.monotonic()
+        self._last = "its workers have not told of anything yet"
+        self.lost = False
+
+    @property
+    def words(self) -> str:
+        """What was last heard."""
+        return f"nothing has moved for {time.monotonic() - self._moved:.0f} s; {self._last}"
+
+    def look(self) -> dict[str, Any] | None:
+        """The last epoch among the new events, if any."""
+        epoch = None
+        now = time.monotonic()
+        for event in self._tail():
+            self._moved = now
+            what = event.get("what") or event["event"]
+            self._last = f"last heard from {event['host']} ({event['pid']}): {what}"
+            if event["event"] == "epoch":
+                epoch = event
+        idle = now - self._moved
+        if idle > QUIET_SECONDS and now - self._told > QUIET_SECONDS:
+            self._told = now
+            self._context.reporter.say(f"train {self._plan.name}: {self.words}")
+            self._context.events("warning", stage=f"train-{self._plan.module}", message=self.words)
+        self.lost = idle > START_SECONDS + self._plan.job.runtime.stall
+        return epoch
+
+
+def _cause(error: BaseException) -> str:
+    """What a worker raised, rather than the frames of Ray around it."""
+    cause: BaseException = error
+    while (deeper := getattr(cause, "cause", None) or cause.__cause__) is not None:
+        cause = deeper
+    failures = getattr(cause, "worker_failures", None)
+    if failures:
+        rank, failure = next(iter(sorted(failures.items())))
+        return f"worker {rank}: {_cause(failure)}"
+    lines = [line for line in str(cause).splitlines() if line.strip()]
+    return f"{type(cause).__name__}: {lines[-1] if lines else ''}"
+
+
+def _fit(plan: PhasePlan, token: str) -> None:
     import ray
-    from ray.train import CheckpointConfig, FailureConfig, RunConfig, ScalingConfig
+    from ray.train import FailureConfig, RunConfig, ScalingConfig
     from ray.train.torch import TorchConfig, TorchTrainer
 
     runtime, workers = plan.job.runtime, plan.job.training.workers
@@ -134,32 +224,35 @@ def _fit(plan: PhasePlan) -> None:
         resources["GPU"] = 1
     TorchTrainer(
         train_loop,
-        train_loop_config={"plan": plan, "gpu": gpu},
+        train_loop_config={"plan": plan, "gpu": gpu, "token": token},
         scaling_config=ScalingConfig(
             num_workers=workers, use_gpu=gpu, resources_per_worker=resources
         ),
         torch_config=TorchConfig(backend="nccl" if gpu else "gloo"),
+        # A name of its own each time: what Ray Train would resume from is not ours.
         run_config=RunConfig(
-            name=plan.fingerprint,
-            storage_path=str(plan.home.checkpoints(plan.name)),
-            failure_config=FailureConfig(max_failures=2),
-            checkpoint_config=CheckpointConfig(num_to_keep=2),
+            name=f"{plan.name}-{secrets.token_hex(4)}",
+            storage_path=str(RunFolder(plan.home.run).scratch),
+            failure_config=FailureConfig(
+                max_failures=FAILURES,
+                controller_failure_limit=1,  # type: ignore[call-arg]
+            ),
         ),
     ).fit()
 
 
 def _finish(plan: PhasePlan) -> None:
-    """Keep weights and curves, drop Ray Train's own files, and write the record last."""
-    for path in plan.folder.iterdir():
-        if path.name not in (WEIGHTS, CURVES):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    """Write the record over weights and curves; the state under way is needed no more."""
     record = {
         "format": "pnabs/phase",
-        "version": 1,
+        "version": 2,
         "phase": plan.name,
         "fingerprint": plan.fingerprint,
+        "recipe": recipe_digest(f"train-{plan.module}", plan.job),
         "models": plan.models.count,
         "epochs": plan.job.training.epochs,
         "outputs": {name: file_digest(plan.folder / name) for name in (WEIGHTS, CURVES)},
     }
-    write_atomic(plan.folder / RECORD, pretty_json(record))
+    write_atomic(plan.folder / RECORD, seal(record))
+    train_state.drop(plan.folder)
+    shutil.rmtree(RunFolder(plan.home.run).scratch, ignore_errors=True)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
-from pathlib import Path
+import time
+from functools import partial
 from typing import Any
 
 from pnabs.stages.phases import CURVES, WEIGHTS, PhasePlan
+from pnabs.stages.train_state import read_state, save_state
 from pnabs.stages.training_data import load_training_set
 from pnabs.store.atomic import digest, pretty_json, write_atomic
 from pnabs.store.events import EventLog
+from pnabs.store.lock import check_held
 from pnabs.store.run import RunFolder
+
+ALIVE_SECONDS = 10.0
+"""Time between a worker's signs of life."""
 
 
 def train_loop(config: dict[str, Any]) -> None:
@@ -23,7 +27,7 @@ def train_loop(config: dict[str, Any]) -> None:
     from ray.train.torch import get_device
     from torch.nn.parallel import DistributedDataParallel
 
-    from pnabs.model.checkpoint import load_network, load_training, save_network, save_training
+    from pnabs.model.checkpoint import load_network, load_training, save_network
     from pnabs.model.network import CuboidNetwork
     from pnabs.model.objective import Objective, make_optimizer
     from pnabs.model.start import start_points
@@ -37,9 +41,11 @@ def train_loop(config: dict[str, Any]) -> None:
     device = get_device() if config["gpu"] else torch.device("cpu")
     events = EventLog(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-{rank}")
     seed = int(digest([job.seed, plan.name])[:8], 16)
+    alive = _Alive(events, plan.name)
     dataset = load_training_set(
-        RunFolder(job.out), plan.volumes, job, plan.module, plan.models, rank=rank, world=world
-    )
+        RunFolder(job.out), plan.volumes, job, plan.module, plan.models,
+        rank=rank, world=world, on_shard=lambda shard: alive(f"reading {shard}"),
+    )  # fmt: skip
     events("data", phase=plan.name, models=len(dataset), bytes=dataset.nbytes)
 
     torch.manual_seed(seed)
@@ -56,39 +62,56 @@ def train_loop(config: dict[str, Any]) -> None:
     objective = Objective(network.to(device), plan.module, plan.phase, training)  # type: ignore[arg-type]
     optimizer = make_optimizer(objective, training)
 
+    # What one worker finds, all take: they must begin at the same epoch.
+    found = [read_state(plan.folder) if rank == 0 else None]
+    if world > 1:
+        torch.distributed.broadcast_object_list(found, device=device)
     first, curves = 0, []
-    checkpoint = ray.train.get_checkpoint()
-    if checkpoint is not None:
-        with checkpoint.as_directory() as folder:
-            first = load_training(Path(folder) / "training.safetensors", network, optimizer)
-            curves = json.loads((Path(folder) / CURVES).read_bytes())
+    if found[0] is not None:
+        first = load_training(plan.folder / found[0].file, network, optimizer)
+        curves = found[0].curves
     wrapped = DistributedDataParallel(objective) if world > 1 else objective
     for epoch in range(first, training.epochs):
         order = epoch_order(len(dataset), epoch, seed + rank)
         losses = train_epoch(
             wrapped, optimizer, dataset, order, training,
             epoch=epoch, seed=seed, rank=rank, world=world, device=device,
+            on_step=partial(alive.step, epoch),
         )  # fmt: skip
         if world > 1:
             mean = torch.tensor(list(losses.values()), dtype=torch.float64, device=device) / world
             torch.distributed.all_reduce(mean)
             losses = dict(zip(losses, mean.tolist(), strict=True))
         curves.append({"epoch": epoch, **losses})
-        if rank == 0:
-            events("epoch", phase=plan.name, epoch=epoch, total=losses["total"])
+        if rank != 0:
+            continue
+        events("epoch", phase=plan.name, epoch=epoch, total=losses["total"])
         last = epoch + 1 == training.epochs
         if not last and (epoch + 1) % job.runtime.checkpoint_epochs == 0:
-            with tempfile.TemporaryDirectory() as folder:
-                saved = None
-                if rank == 0:
-                    path = Path(folder)
-                    save_training(path / "training.safetensors", network, optimizer, epoch + 1)
-                    (path / CURVES).write_bytes(pretty_json(curves))
-                    saved = ray.train.Checkpoint.from_directory(folder)
-                ray.train.report(losses, checkpoint=saved)
+            # One that outlived its driver must not write between its successor's files.
+            check_held(plan.home.run, config["token"])
+            save_state(plan.folder, network, optimizer, epoch + 1, curves)
     if rank == 0:
+        check_held(plan.home.run, config["token"])
         save_network(plan.folder / WEIGHTS, network)
         write_atomic(plan.folder / CURVES, pretty_json(curves))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     events("end", phase=plan.name, models=len(dataset), peak_memory=peak)
     events.close()
+
+
+class _Alive:
+    """Tells now and then, through the events, what a worker is at."""
+
+    def __init__(self, events: EventLog, phase: str) -> None:
+        self._events, self._phase, self._told = events, phase, 0.0
+
+    def step(self, epoch: int, step: int, steps: int) -> None:
+        """Tell of a training step."""
+        self(f"epoch {epoch}, step {step} of {steps}")
+
+    def __call__(self, what: str) -> None:
+        now = time.monotonic()
+        if now - self._told >= ALIVE_SECONDS:
+            self._told = now
+            self._events("alive", phase=self._phase, what=what)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,17 +21,17 @@ SURFACE_POINTS = 2048
 """Surface points a model kept in memory; each step draws from them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class TrainingModels:
     """The models that train a module: rows of shards, and a digest of what they are.
 
     Attributes
     ----------
     shards
-        (shard, rows in it) in the catalogue's order.
+        (shard, (n,) rows in it) in the catalogue's order.
     """
 
-    shards: tuple[tuple[str, tuple[int, ...]], ...]
+    shards: tuple[tuple[str, NDArray[np.int32]], ...]
     digest: str
 
     @property
@@ -38,20 +39,17 @@ class TrainingModels:
         """Models in all."""
         return sum(len(rows) for _, rows in self.shards)
 
-    def part(self, rank: int, world: int) -> list[tuple[str, list[int]]]:
+    def part(self, rank: int, world: int) -> list[tuple[str, NDArray[np.int32]]]:
         """The rows one of `world` workers holds: every `world`-th, as many for each.
 
         Where the count doesn't divide, the first models come twice, so that all
         workers make as many steps.
         """
-        flat = [(shard, row) for shard, rows in self.shards for row in rows]
-        flat += flat[: -len(flat) % world]
-        out: list[tuple[str, list[int]]] = []
-        for shard, row in flat[rank::world]:
-            if not out or out[-1][0] != shard:
-                out.append((shard, []))
-            out[-1][1].append(row)
-        return out
+        rows = np.concatenate([rows for _, rows in self.shards])
+        shard = np.repeat(np.arange(len(self.shards)), [len(rows) for _, rows in self.shards])
+        mine = np.arange(rank, len(rows) + -len(rows) % world, world) % len(rows)
+        cuts = np.flatnonzero(np.diff(shard[mine])) + 1
+        return [(self.shards[shard[places[0]]][0], rows[places]) for places in np.split(mine, cuts)]
 
 
 def load_training_set(
@@ -63,6 +61,7 @@ def load_training_set(
     *,
     rank: int,
     world: int,
+    on_shard: Callable[[str], None] = lambda _: None,
 ) -> TrainingSet:
     """Read what a module's phases use, and nothing else, about 100 kB a model.
 
@@ -70,10 +69,12 @@ def load_training_set(
     ----------
     home
         The variant whose difference volumes train the negative module.
+    on_shard
+        Called with each shard's name before it is read.
 
     Raises
     ------
-    pnabs.store.arrays.DamagedArrayError
+    pnabs.store.errors.DamagedDataError
         When stored data is missing or damaged.
     """
     from pnabs.model.data import TrainingSet
@@ -82,6 +83,7 @@ def load_training_set(
     volumes = fields if module == "positive" else run.differences(home, job)
     parts: dict[str, list[NDArray[Any]]] = {}
     for shard, rows in models.part(rank, world):
+        on_shard(shard)
         occupancy = _read(volumes, shard, "occupancy", rows)
         surface = _read(volumes, shard, "surface", rows)
         # Samples lie in the order of the faces they are on: a stride keeps them even.
@@ -100,7 +102,7 @@ def load_training_set(
     return TrainingSet(**{name: np.concatenate(values) for name, values in parts.items()})
 
 
-def _read(store: CategoryArrays, shard: str, name: str, rows: list[int]) -> NDArray[Any]:
+def _read(store: CategoryArrays, shard: str, name: str, rows: NDArray[np.int32]) -> NDArray[Any]:
     category, number = split_shard(shard)
-    values: NDArray[Any] = store.read_shard(category, number, name, max(rows) + 1)[rows]
+    values: NDArray[Any] = store.read_shard(category, number, name, int(max(rows)) + 1)[rows]
     return values

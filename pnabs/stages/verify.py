@@ -2,61 +2,118 @@
 
 from __future__ import annotations
 
-from pnabs.dataset import catalogue as catalogues
+from pathlib import Path
+
+from pnabs.dataset.errors import DatasetError
 from pnabs.stages.context import Context, split_shard
-from pnabs.stages.phases import RECORD, damaged_files, phase_plans
-from pnabs.store.ledger import LedgerError
+from pnabs.stages.errors import UsageError
+from pnabs.stages.phases import CURVES, RECORD, WEIGHTS, damaged_files
+from pnabs.stages.progress import Reporter
+from pnabs.stages.status import stored_context
+from pnabs.stages.train_state import STATE, damaged_state, drop
+from pnabs.store.atomic import write_atomic
+from pnabs.store.ledger import DamagedRecordError
+from pnabs.store.run import RunFolder, RunFolderError
 
 DAMAGE_EXIT_CODE = 5
 
 
-def verify(context: Context) -> list[str]:
+def verify(run: RunFolder, reporter: Reporter) -> list[str]:
     """Compare every file with its digest and withdraw the records of those that differ.
 
     Returns
     -------
-    One line for each damaged file or record.
+    One line for each damaged file, paths relative to the run folder.
+
+    Raises
+    ------
+    UsageError
+        When the folder isn't a run.
+    pnabs.store.ledger.LedgerError
+        When a record is of another version.
     """
-    ledger = context.run.ledger
-    found = _catalogue(context) + _descriptions(context)
-    for stage in ledger.stages():
-        for shard in ledger.shards(stage):
-            try:
-                record = ledger.read(stage, shard)
-            except LedgerError as error:
-                found.append(str(error))
-                ledger.withdraw(stage, shard)
-                continue
-            damaged = ledger.damaged_outputs(record) if record else []
-            if damaged:
-                found += [f"{stage} {shard}: {name} is missing or damaged" for name in damaged]
-                ledger.withdraw(stage, shard)
-    for variant, job in context.variants.items():
-        if job.weights is not None:
-            continue
-        for module in ("positive", "negative") if job.abstract.negatives else ("positive",):
-            for plan in phase_plans(context, variant, module):
-                damaged = damaged_files(plan) if (plan.folder / RECORD).exists() else []
-                if damaged:
-                    found += [f"{plan.name}: {name} is missing or damaged" for name in damaged]
-                    (plan.folder / RECORD).unlink()
+    found = _identity(run, reporter)
+    for stage in run.ledger.stages():
+        found += _records(run, stage)
+    found += _phases(run)
     return found
 
 
-def _catalogue(context: Context) -> list[str]:
-    identity = context.run.read_identity() or {}
-    if catalogues.fingerprint(context.catalogue) == identity.get("dataset_fingerprint"):
-        return []
-    return [
-        f"{context.run.catalogue} is missing or damaged: restore it from a copy, or begin a new "
-        "run folder; models would be counted in another order"
-    ]
+def _identity(run: RunFolder, reporter: Reporter) -> list[str]:
+    """run.json and the catalogue; with them sound, the arrays' descriptions as well."""
+    if not (run.root / "run.json").exists() and not run.ledger.stages():
+        raise UsageError(f"{run.root} is not a run folder: there is no run.json in it")
+    try:
+        context = stored_context(run, reporter)
+    except (RunFolderError, DatasetError) as error:
+        return [str(error)]
+    return _descriptions(context)
+
+
+def _records(run: RunFolder, stage: str) -> list[str]:
+    """A stage's records, what they vouch for, and the list derived from them."""
+    ledger = run.ledger
+    found = []
+    for shard in ledger.shards(stage):
+        path = ledger.path(stage, shard).relative_to(run.root)
+        try:
+            record = ledger.read(stage, shard)
+        except DamagedRecordError:
+            found.append(f"{path} is damaged: {stage} of shard {shard} is to be done again")
+            ledger.withdraw(stage, shard)
+            continue
+        damaged = ledger.damaged_outputs(record) if record else []
+        if damaged:
+            found += [
+                f"{name} is missing or damaged: {stage} of shard {shard} is to be done again"
+                for name in damaged
+            ]
+            ledger.withdraw(stage, shard)
+    # A record that is gone leaves its shard pending; what is derived follows.
+    for shard in ledger.lost(stage):
+        path = ledger.path(stage, shard).relative_to(run.root)
+        found.append(f"{path} is missing: {stage} of shard {shard} is to be done again")
+    quarantine = ledger.quarantine_path(stage)
+    if not found and quarantine.exists():
+        expected = ledger.quarantine(stage)
+        if quarantine.read_bytes() != expected:
+            found.append(f"{quarantine.relative_to(run.root)} was damaged; made again")
+            write_atomic(quarantine, expected)
+    else:
+        ledger.write_quarantine(stage)
+    ledger.save_index(stage)
+    return found
+
+
+def _phases(run: RunFolder) -> list[str]:
+    found = []
+    for folder in sorted(run.root.glob("variants/*/checkpoints/*/*")):
+        finished = (folder / RECORD).exists()
+        damaged = damaged_files(folder) if finished else _unfinished(folder)
+        if damaged:
+            found += [_phase_line(run, folder, name) for name in damaged]
+            for name in (RECORD, WEIGHTS, CURVES):
+                (folder / name).unlink(missing_ok=True)
+            drop(folder)
+    return found
+
+
+def _unfinished(folder: Path) -> list[str]:
+    damaged = damaged_state(folder)
+    # Weights stand under a state until their record is written.
+    lost = (folder / WEIGHTS).exists() and not (folder / STATE).exists()
+    return damaged or ([RECORD] if lost else [])
+
+
+def _phase_line(run: RunFolder, folder: Path, name: str) -> str:
+    path = (folder / name).relative_to(run.root)
+    return f"{path} is missing or damaged: {folder.parent.name} is to be trained again"
 
 
 def _descriptions(context: Context) -> list[str]:
-    """The arrays' descriptions, made again where they can't be read."""
+    """The arrays' descriptions, made again where they differ from what they should be."""
     shards: dict[str, int] = {}
-    for shard, _ in context.shards():
+    for shard in context.shards.names:
         category, number = split_shard(shard)
         shards[category] = max(shards.get(category, 0), number + 1)
     stores = [context.run.fields(context.job)]
@@ -67,5 +124,5 @@ def _descriptions(context: Context) -> list[str]:
         for store in stores
         for category, count in shards.items()
         if (store.store / category).is_dir()
-        for path in store.mend(category, count)
+        for path in store.ensure(category, count)
     ]

@@ -7,7 +7,9 @@ CRC-32C, and what was written is read back before it counts.
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,17 +17,15 @@ from typing import Any
 
 import numpy as np
 import zarr
+import zarr.storage
 from numpy.typing import NDArray
 from zarr.codecs import BloscCodec, Crc32cCodec
 
-from pnabs.store.atomic import file_digest, sync_folder
+from pnabs.store.atomic import file_digest, sweep, sync_folder, write_atomic
+from pnabs.store.errors import DamagedDataError
 
 INNER_CHUNK = 8
 """Models a chunk: one model can be looked at cheaply, a shard is read in a few chunks."""
-
-
-class DamagedArrayError(Exception):
-    """Stored data is missing or fails its checksum; names store, array and rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,27 +58,65 @@ class CategoryArrays:
         self.specs = tuple(specs)
         self.shard_size = shard_size
 
-    def ensure(self, category: str, shards: int) -> None:
-        """Make a category's arrays, or let them grow to hold so many shards."""
-        zarr.open_group(self.store, mode="a", zarr_format=3)
-        group = zarr.open_group(self.store, mode="a", path=category, zarr_format=3)
-        rows = shards * self.shard_size
+    def ensure(self, category: str, shards: int) -> list[Path]:
+        """Make a category's arrays, or let them grow to hold so many shards.
+
+        Returns
+        -------
+        The descriptions (zarr.json) that weren't there or differed from what they should be.
+        They follow from the settings, so nothing is lost with them; shards that lie there
+        stay, but where an array's shape a model has changed.
+
+        Raises
+        ------
+        ValueError
+            When the store was made with shards of another size.
+        """
+        written = []
+        for name, data in self._descriptions(category, shards).items():
+            path = self.store / name
+            sweep(path.parent)
+            try:
+                before = path.read_bytes()
+            except OSError:
+                before = b""
+            if before == data:
+                continue
+            if path.parent.parent.parent == self.store and before:
+                self._make_way(path.parent, before, data)
+            write_atomic(path, data)
+            written.append(path)
+        return written
+
+    def _make_way(self, array: Path, before: bytes, after: bytes) -> None:
+        """Drop an array's shards when they are of another shape a model."""
+        try:
+            then, now = (
+                json.loads(data)["chunk_grid"]["configuration"]["chunk_shape"]
+                for data in (before, after)
+            )
+        except (ValueError, KeyError, TypeError):
+            return  # damaged: what lies beside it is as good as before
+        if then[1:] != now[1:]:
+            shutil.rmtree(array / "c", ignore_errors=True)
+        elif then[0] != now[0]:
+            raise ValueError(
+                f"{array} was made with dataset.shard_size={then[0]}, not {now[0]}; set it back"
+            )
+
+    def _descriptions(self, category: str, shards: int) -> dict[str, bytes]:
+        """Every zarr.json of a category and of the store, as Zarr writes them: path -> bytes."""
+        memory: dict[str, Any] = {}
+        store = zarr.storage.MemoryStore(memory)
+        zarr.create_group(store, zarr_format=3)
+        group = zarr.create_group(store, path=category, zarr_format=3)
         # A shard must hold whole chunks.
         inner = INNER_CHUNK if self.shard_size % INNER_CHUNK == 0 else self.shard_size
         for spec in self.specs:
-            shape = (rows, *spec.shape)
-            array = group.get(spec.name)
-            if isinstance(array, zarr.Array) and array.shape[1:] == spec.shape:
-                if array.shape[0] < rows:
-                    array.resize(shape)
-                continue
-            # Of a shape that changed settings made another: begin anew.  Absent: only the
-            # description is written, shards that lie there stay.
             width = np.dtype(spec.dtype).itemsize
             group.create_array(
                 spec.name,
-                overwrite=array is not None,
-                shape=shape,
+                shape=(shards * self.shard_size, *spec.shape),
                 dtype=spec.dtype,
                 chunks=(inner, *spec.shape),
                 shards=(self.shard_size, *spec.shape),
@@ -93,26 +131,7 @@ class CategoryArrays:
                 ],
                 fill_value=0,
             )
-
-    def mend(self, category: str, shards: int) -> list[Path]:
-        """Write again the descriptions (zarr.json) that can't be read; returns which.
-
-        They follow from the settings, so nothing else is lost with them; shards stay.
-        """
-        mended = []
-        for spec in self.specs:
-            path = self.store / category / spec.name / "zarr.json"
-            try:
-                array = zarr.open_array(self.store, path=f"{category}/{spec.name}", mode="r")
-                sound = array.shape[1:] == spec.shape
-            except (ValueError, TypeError, KeyError, OSError):
-                sound = False
-            if not sound:
-                path.unlink(missing_ok=True)
-                mended.append(path)
-        if mended:
-            self.ensure(category, shards)
-        return mended
+        return {name: value.to_bytes() for name, value in memory.items()}
 
     def write_shard(
         self, category: str, shard: int, arrays: Mapping[str, NDArray[Any]]
@@ -130,7 +149,7 @@ class CategoryArrays:
 
         Raises
         ------
-        DamagedArrayError
+        DamagedDataError
             When what is read back differs from what was written.
         """
         outputs = {}
@@ -143,9 +162,10 @@ class CategoryArrays:
                 array = self._array(category, spec.name)
                 array[start : start + self.shard_size] = value
                 path = self.shard_path(category, spec.name, shard)
+                sweep(path.parent)
                 back = np.asarray(array[start : start + self.shard_size])
                 if back.tobytes() != value.tobytes():
-                    raise DamagedArrayError(f"{path}: read back differs from what was written")
+                    raise DamagedDataError(f"{path}: read back differs from what was written")
                 _sync(path)
                 outputs[path.relative_to(self.run).as_posix()] = file_digest(path)
         return outputs
@@ -155,19 +175,19 @@ class CategoryArrays:
 
         Raises
         ------
-        DamagedArrayError
+        DamagedDataError
             When the shard's file is missing, empty or fails a checksum.
         """
         path = self.shard_path(category, name, shard)
         # Zarr reads a missing or empty shard as zeros without an error.
         if not path.is_file() or path.stat().st_size == 0:
-            raise DamagedArrayError(f"{path} is missing or empty; run `pnabs verify {self.run}`")
+            raise DamagedDataError(f"{path} is missing or empty; run `pnabs verify {self.run}`")
         start = shard * self.shard_size
         try:
             with _single_threaded():
                 return np.asarray(self._array(category, name)[start : start + count])
         except (ValueError, RuntimeError, OSError) as error:
-            raise DamagedArrayError(
+            raise DamagedDataError(
                 f"{path} is damaged ({error}); run `pnabs verify {self.run}`"
             ) from error
 

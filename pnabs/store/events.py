@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import socket
@@ -36,9 +37,10 @@ class EventLog:
         self._common = {"host": socket.gethostname(), "pid": os.getpid()}
 
     def __call__(self, event: str, **values: Any) -> None:
-        """Append one event; a line is written whole."""
+        """Append one event; a line is written whole, or not at all where the disk is full."""
         line = {"time": round(time.time(), 3), "event": event, **self._common, **values}
-        os.write(self._descriptor, json.dumps(line, ensure_ascii=False).encode() + b"\n")
+        with contextlib.suppress(OSError):
+            os.write(self._descriptor, json.dumps(line, ensure_ascii=False).encode() + b"\n")
 
     def close(self) -> None:
         """Close the file."""
@@ -53,3 +55,26 @@ def read_events(run: Path, writer: str = "*") -> Iterator[dict[str, Any]]:
                 yield json.loads(line)
             except ValueError:
                 continue
+
+
+class EventTail:
+    """The events that writers of a name (a pattern) add from now on, each once."""
+
+    def __init__(self, run: Path, writer: str) -> None:
+        self._events, self._pattern = run / "events", f"{writer}/*.jsonl"
+        self._read = {path: path.stat().st_size for path in self._events.glob(self._pattern)}
+
+    def __call__(self) -> Iterator[dict[str, Any]]:
+        """What is new since the last call."""
+        for path in sorted(self._events.glob(self._pattern)):
+            start = self._read.get(path, 0)
+            if path.stat().st_size <= start:
+                continue
+            with path.open("rb") as stream:
+                stream.seek(start)
+                # A line that is being written is read when it is whole.
+                data = stream.read().rpartition(b"\n")[0]
+            self._read[path] = start + len(data) + bool(data)
+            for line in data.splitlines():
+                with contextlib.suppress(ValueError):
+                    yield json.loads(line)

@@ -8,19 +8,32 @@ so that two runs compare as bytes.
 from __future__ import annotations
 
 import json
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pnabs.store.atomic import digest, file_digest, pretty_json, write_atomic
+from pnabs.store.atomic import digest, file_digest, write_atomic
+from pnabs.store.index import Entry, load_index, save_index
+from pnabs.store.sealed import SealError, seal, unseal
 
 Kind = Literal["ok", "invalid", "error", "crash", "timeout", "memory"]
 KINDS: tuple[Kind, ...] = ("ok", "invalid", "error", "crash", "timeout", "memory")
-VERSION = 1
+VERSION = 2
+
+
+SAVE_EVERY = 512
+"""Commits after which the index is written anew: what a dead driver's successor reads singly."""
 
 
 class LedgerError(Exception):
     """A record that can't be read; names the file."""
+
+
+class DamagedRecordError(LedgerError):
+    """A record whose bytes aren't what was written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +107,12 @@ class Record:
 
     @property
     def digest(self) -> str:
-        """Digest of the record's content: what later stages take as their input."""
-        return digest(self.to_json())
+        """Digest of what later stages take as their input: who came through, and their data.
+
+        Reasons and tracebacks are not in it: they may differ from one attempt to the next.
+        """
+        models = [[m.model_id, m.kind == "ok", m.note] for m in self.models]
+        return digest([self.fingerprint, models, self.outputs])
 
     @property
     def finished(self) -> tuple[ModelVerdict, ...]:
@@ -109,77 +126,145 @@ class Record:
 
 
 class Ledger:
-    """The records below RUN/ledger and the quarantine lists derived from them."""
+    """The records below RUN/ledger, and what is derived from them: indexes, quarantine lists."""
 
     def __init__(self, run: Path) -> None:
         self.run = run
+        self._indexes: dict[str, dict[str, Entry]] = {}
+        self._unsaved: Counter[str] = Counter()
 
     def path(self, stage: str, shard: str) -> Path:
         """Where a shard's record lies."""
         return self.run / "ledger" / stage / f"{shard}.json"
+
+    def index_path(self, stage: str) -> Path:
+        """Where a stage's index lies."""
+        return self.run / "index" / f"{stage}.json"
 
     def read(self, stage: str, shard: str) -> Record | None:
         """A shard's record, or None when it isn't committed.
 
         Raises
         ------
+        DamagedRecordError
+            When the file isn't what was written.
         LedgerError
-            When the file is there but isn't a record of this version.
+            When it is of another version.
         """
         path = self.path(stage, shard)
         try:
-            value = json.loads(path.read_bytes())
+            data = path.read_bytes()
         except FileNotFoundError:
             return None
-        except ValueError as error:
-            raise LedgerError(
-                f"{path} is not a ledger record ({error}); delete it and run again: "
-                "its shard will be redone"
-            ) from error
-        if not isinstance(value, dict) or value.get("format") != "pnabs/ledger":
-            raise LedgerError(f"{path} is not a ledger record; delete it and run again")
-        if value.get("version") != VERSION:
-            raise LedgerError(
-                f"{path} has record version {value.get('version')}, this pnabs reads {VERSION}"
-            )
         try:
-            return Record(
-                value["stage"],
-                value["shard"],
-                value["fingerprint"],
-                tuple(ModelVerdict.from_json(model) for model in value["models"]),
-                value["outputs"],
-            )
-        except (KeyError, TypeError) as error:
-            raise LedgerError(f"{path} lacks {error}; delete it and run again") from error
+            value = unseal(data)
+        except SealError as error:
+            _check_unsealed(path, data)
+            raise DamagedRecordError(
+                f"{path} is damaged ({error}); its shard is to be done again"
+            ) from error
+        _check_version(path, value)
+        return Record(
+            value["stage"],
+            value["shard"],
+            value["fingerprint"],
+            tuple(ModelVerdict.from_json(model) for model in value["models"]),
+            value["outputs"],
+        )
+
+    def index(self, stage: str) -> Mapping[str, Entry]:
+        """Every committed shard of a stage, from its index and the records it doesn't know.
+
+        A record that is damaged counts as not there: its shard is done again.
+
+        Raises
+        ------
+        LedgerError
+            When a record is of another version.
+        """
+        if stage in self._indexes:
+            return self._indexes[stage]
+        known = load_index(self.index_path(stage))
+        entries: dict[str, Entry] = {}
+        try:
+            listing = sorted(os.scandir(self.run / "ledger" / stage), key=lambda item: item.name)
+        except FileNotFoundError:
+            listing = []
+        for item in listing:
+            shard, suffix = os.path.splitext(item.name)
+            if suffix != ".json":
+                continue
+            status = item.stat()
+            entry = known.get(shard)
+            now = status.st_mtime_ns, status.st_size
+            if entry is None or (entry.mtime_ns, entry.size) != now:
+                entry = self._entry(stage, shard, status)
+                self._unsaved[stage] += 1
+            if entry is not None:
+                entries[shard] = entry
+        self._unsaved[stage] += len(known.keys() - entries.keys())
+        self._indexes[stage] = entries
+        return entries
+
+    def _entry(self, stage: str, shard: str, status: os.stat_result) -> Entry | None:
+        try:
+            record = self.read(stage, shard)
+        except DamagedRecordError:
+            return None
+        return None if record is None else _summary(record, status)
+
+    def save_index(self, stage: str) -> None:
+        """Write the stage's index when it has changed; only the driver does."""
+        if self._unsaved.pop(stage, 0):
+            save_index(self.index_path(stage), self.index(stage))
 
     def commit(self, record: Record) -> None:
         """Write a shard's record: from here on the shard is done."""
-        write_atomic(self.path(record.stage, record.shard), pretty_json(record.to_json()))
+        path = self.path(record.stage, record.shard)
+        self.index(record.stage)
+        write_atomic(path, seal(record.to_json()))
+        self._indexes[record.stage][record.shard] = _summary(record, path.stat())
+        self._unsaved[record.stage] += 1
+        if self._unsaved[record.stage] >= SAVE_EVERY:
+            self.save_index(record.stage)
 
     def withdraw(self, stage: str, shard: str) -> None:
         """Take a record back: the next run does the shard again."""
         self.path(stage, shard).unlink(missing_ok=True)
+        if self._indexes.get(stage, {}).pop(shard, None) is not None:
+            self._unsaved[stage] += 1
 
     def shards(self, stage: str) -> list[str]:
-        """Shards of a stage that have a record, sorted."""
+        """Shards of a stage that have a record, sound or not, sorted."""
         return sorted(path.stem for path in (self.run / "ledger" / stage).glob("*.json"))
 
-    def stages(self) -> list[str]:
-        """Stages that have records, sorted."""
-        folder = self.run / "ledger"
-        return sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    def lost(self, stage: str) -> list[str]:
+        """Shards that the stage's index knows and that have no record any more."""
+        return sorted(load_index(self.index_path(stage)).keys() - set(self.shards(stage)))
 
-    def write_quarantine(self, stage: str) -> Path:
-        """Rewrite RUN/quarantine/<stage>.jsonl from the records; one line a model."""
-        lines = []
-        for shard in self.shards(stage):
-            record = self.read(stage, shard)
-            if record is None:
-                continue
+    def stages(self) -> list[str]:
+        """Stages that have or had records, sorted."""
+        records, indexes = self.run.glob("ledger/*/"), self.run.glob("index/*.json")
+        return sorted({path.name for path in records} | {path.stem for path in indexes})
+
+    def quarantine_path(self, stage: str) -> Path:
+        """Where a stage's quarantine list lies."""
+        return self.run / "quarantine" / f"{stage}.jsonl"
+
+    def quarantine(self, stage: str) -> bytes:
+        """The stage's quarantine list, from the records; one line a model."""
+        return "".join(self._fallen(stage)).encode()
+
+    def write_quarantine(self, stage: str) -> None:
+        """Rewrite the stage's quarantine list."""
+        write_atomic(self.quarantine_path(stage), self.quarantine(stage))
+
+    def _fallen(self, stage: str) -> Iterator[str]:
+        for shard, entry in sorted(self.index(stage).items()):
+            record = self.read(stage, shard) if entry.fallen else None
             category = shard.rpartition("-")[0]
-            for model in record.quarantined:
-                entry = {
+            for model in record.quarantined if record else ():
+                line = {
                     "model_id": model.model_id,
                     "category": category,
                     "kind": model.kind,
@@ -187,10 +272,7 @@ class Ledger:
                     "attempts": model.attempts,
                     "traceback": model.traceback,
                 }
-                lines.append(json.dumps(entry, ensure_ascii=False) + "\n")
-        path = self.run / "quarantine" / f"{stage}.jsonl"
-        write_atomic(path, "".join(lines).encode())
-        return path
+                yield json.dumps(line, ensure_ascii=False) + "\n"
 
     def damaged_outputs(self, record: Record) -> list[str]:
         """Files of a record that are missing or whose bytes changed."""
@@ -199,3 +281,34 @@ class Ledger:
             for name, expected in record.outputs.items()
             if not (self.run / name).is_file() or file_digest(self.run / name) != expected
         ]
+
+
+def _summary(record: Record, status: os.stat_result) -> Entry:
+    return Entry(
+        status.st_mtime_ns,
+        status.st_size,
+        record.fingerprint,
+        record.digest,
+        len(record.models),
+        tuple((model.model_id, model.kind) for model in record.quarantined),
+        tuple(model.model_id for model in record.finished if model.note.get("empty")),
+    )
+
+
+def _check_version(path: Path, value: Any) -> None:
+    if value["version"] != VERSION:
+        raise LedgerError(
+            f"{path} has record version {value['version']}, this pnabs reads {VERSION}: go on "
+            "with the pnabs that made the run, or give another folder with --out"
+        )
+
+
+def _check_unsealed(path: Path, data: bytes) -> None:
+    """Tell a sound record of a version that had no checksum from a damaged one."""
+    try:
+        value = json.loads(data)
+        sound = value["format"] == "pnabs/ledger" and "sha256" not in value
+    except (ValueError, KeyError, TypeError):
+        return
+    if sound:
+        _check_version(path, value)

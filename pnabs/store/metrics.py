@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pnabs.store.atomic import file_digest, write_atomic
+from pnabs.store.errors import DamagedDataError
 
 FLOATS = (
     *("iou_32", "iou_64", "iou_mesh_64", "iou_32_positives", "iou_64_positives"),
@@ -41,13 +42,25 @@ def write_metrics(run: Path, path: Path, rows: Sequence[dict[str, Any]]) -> dict
     """Write one shard's rows; absent values are null.  Returns path -> size and digest."""
     table = pa.Table.from_pylist(list(rows), schema=SCHEMA)
     sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd")
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
     write_atomic(path, sink.getvalue().to_pybytes())
     return {path.relative_to(run).as_posix(): file_digest(path)}
 
 
 def read_metrics(paths: Sequence[Path]) -> pa.Table:
-    """The rows of many shards as one table, in the order of the paths."""
-    if not paths:
-        return SCHEMA.empty_table()
-    return pa.concat_tables([pq.read_table(path, schema=SCHEMA) for path in paths])
+    """The rows of many shards as one table, in the order of the paths.
+
+    Raises
+    ------
+    DamagedDataError
+        When a file is missing or fails a checksum.
+    """
+    tables = [SCHEMA.empty_table()]
+    for path in paths:
+        try:
+            tables.append(pq.read_table(path, schema=SCHEMA, page_checksum_verification=True))
+        except (OSError, pa.ArrowException) as error:
+            raise DamagedDataError(
+                f"{path} is missing or damaged ({error}); `pnabs verify` the run, then run again"
+            ) from error
+    return pa.concat_tables(tables)

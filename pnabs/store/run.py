@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import platform
+import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,11 @@ from typing import Any
 
 from pnabs import settings
 from pnabs.store.arrays import ArraySpec, CategoryArrays
-from pnabs.store.atomic import pretty_json, write_atomic
+from pnabs.store.atomic import digest, file_digest, sweep, write_atomic
 from pnabs.store.ledger import Ledger
+from pnabs.store.sealed import SealError, seal, unseal
 
-VERSION = 1
+VERSION = 2
 LIBRARIES = (
     *("pnabs", "torch", "ray", "trimesh", "manifold3d", "pymeshlab", "zarr"),
     *("numpy", "scipy", "numba", "libigl", "pyarrow"),
@@ -23,7 +25,7 @@ LIBRARIES = (
 
 
 class RunFolderError(Exception):
-    """The folder isn't a run of this version; names the file and what to do."""
+    """The folder isn't a run of this version, or is damaged; names the file and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,33 +112,44 @@ class RunFolder:
         )
         return CategoryArrays(variant.differences, self.root, specs, job.dataset.shard_size)
 
-    def read_identity(self) -> dict[str, Any] | None:
+    def read_identity(self, *, anew: bool = False) -> dict[str, Any] | None:
         """run.json, or None for a new folder.
+
+        Parameters
+        ----------
+        anew
+            Take a damaged or lost run.json for one that is to be written anew.
 
         Raises
         ------
         RunFolderError
-            When the folder holds something else, or a run of another version.
+            When the folder holds something else, or a run of another version, or run.json is
+            damaged or lost.
         """
         path = self.root / "run.json"
         try:
-            value = json.loads(path.read_bytes())
+            data = path.read_bytes()
         except FileNotFoundError:
-            if self.root.is_dir() and any(p.name != "lock" for p in self.root.iterdir()):
+            if self.ledger.stages():
+                if anew:
+                    return None
+                raise RunFolderError(f"{path} is missing. {_ADVICE}") from None
+            names = {p.name for p in self.root.iterdir()} if self.root.is_dir() else set()
+            if any(name not in _EARLY and not name.endswith(".partial") for name in names):
                 raise RunFolderError(
                     f"{self.root} is neither empty nor a run folder (no run.json); "
                     "give another folder with --out"
                 ) from None
             return None
-        except ValueError as error:
-            raise RunFolderError(f"{path} is damaged ({error}); restore it or start anew") from None
-        if not isinstance(value, dict) or value.get("format") != "pnabs/run":
-            raise RunFolderError(f"{path} is not a pnabs run")
-        if value.get("version") != VERSION:
-            raise RunFolderError(
-                f"{path} has version {value.get('version')}, this pnabs reads {VERSION}"
-            )
-        return value
+        try:
+            value = unseal(data)
+            _check_version(path, value)
+            return value
+        except SealError as error:
+            _check_unsealed(path, data)
+            if anew:
+                return None
+            raise RunFolderError(f"{path} is damaged: {error}. {_ADVICE}") from None
 
     def write_identity(
         self,
@@ -145,9 +158,16 @@ class RunFolder:
         origins: dict[str, str],
         stage_versions: dict[str, int],
         dataset_fingerprint: str,
+        catalogue: bytes,
+        weights: dict[str, str],
+        kept_weights: dict[str, str],
         command: str,
     ) -> None:
-        """Write run.json: settings and where each came from, versions, dataset, command."""
+        """Write run.json: settings and where each came from, versions, dataset, command.
+
+        The catalogue is to be written after it: until then the one that is there counts too.
+        """
+        there = self.catalogue
         value = {
             "format": "pnabs/run",
             "version": VERSION,
@@ -159,8 +179,76 @@ class RunFolder:
             "command": command,
             "git_commit": _git_commit(),
             "dataset_fingerprint": dataset_fingerprint,
+            "catalogue": {"bytes": len(catalogue), "sha256": digest(catalogue)},
+            "catalogue_before": file_digest(there) if there.exists() else None,
+            "weights": weights,
+            "kept_weights": kept_weights,
         }
-        write_atomic(self.root / "run.json", pretty_json(value))
+        write_atomic(self.root / "run.json", seal(value))
+
+    def check_catalogue(self, identity: dict[str, Any]) -> None:
+        """Compare the catalogue's bytes with what run.json says.
+
+        Raises
+        ------
+        RunFolderError
+            When they differ; says what can be done.
+        """
+        expected = [identity["catalogue"], identity["catalogue_before"]]
+        damage = "missing"
+        if self.catalogue.exists():
+            if file_digest(self.catalogue) in expected:
+                return
+            damage = "damaged: its checksum isn't the one in run.json"
+        raise RunFolderError(
+            f"{self.catalogue} is {damage}. Put back a copy, or run the job with "
+            "--accept-changes: the dataset is then listed anew, and if it still gives the same "
+            "catalogue the run goes on. Else begin a new run folder: the catalogue says which "
+            "model lies where."
+        )
+
+    def sweep(self) -> None:
+        """Remove what killed drivers left half-written; workers do it where they write."""
+        places = ("", "ledger/*", "index", "quarantine", "report", "variants/*/metrics")
+        for place in (*places, "variants/*/checkpoints/*/*"):
+            for folder in self.root.glob(place) if place else [self.root]:
+                if folder.is_dir():
+                    sweep(folder)
+        shutil.rmtree(self.scratch, ignore_errors=True)
+
+    @property
+    def scratch(self) -> Path:
+        """Where Ray Train keeps files that nothing depends on; emptied when a run begins."""
+        return self.root / ".scratch"
+
+
+_EARLY = ("lock", "catalogue.parquet", "events", "index", ".scratch")
+"""What lies in a folder whose first run came to nothing."""
+
+_ADVICE = (
+    "Put back a copy, or run the job with --accept-changes: run.json is then written anew from "
+    "the job file, and what doesn't belong to its settings is redone."
+)
+
+
+def _check_version(path: Path, value: dict[str, Any]) -> None:
+    if value.get("version") != VERSION:
+        raise RunFolderError(
+            f"{path} has version {value.get('version')}, this pnabs reads {VERSION}: go on with "
+            "the pnabs that made the run, or give another folder with --out"
+        )
+
+
+def _check_unsealed(path: Path, data: bytes) -> None:
+    """Tell a sound file of a version that had no checksum, and one of something else."""
+    try:
+        value = json.loads(data)
+    except ValueError:
+        return
+    if not isinstance(value, dict) or value.get("format") != "pnabs/run":
+        raise RunFolderError(f"{path} is not a pnabs run; give another folder with --out")
+    if "sha256" not in value:
+        _check_version(path, value)
 
 
 def versions() -> dict[str, str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pnabs.batch.work import Committed, InvalidInput, Outcome
+from pnabs.batch.work import Committed, InvalidInput, Outcome, Unavailable
 
 
 def misbehave(payload: tuple[str, str, str]) -> str:
@@ -50,6 +50,12 @@ class ScriptedWork:
     shards: dict[str, dict[str, str]]
     preload: tuple[str, ...] = ("numpy",)
     task = staticmethod(misbehave)
+
+    def check(self) -> None:
+        """Nothing is out of reach, unless a file says so."""
+        gone = Path(self.folder) / "gone"
+        if gone.exists():
+            raise Unavailable(gone.read_text())
 
     def setup(self) -> None:
         """Nothing to load."""

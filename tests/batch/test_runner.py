@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from pnabs.batch import InlineExecutor, ShardDone, ShardFailed, WorkerLimits
+from pnabs.batch import InlineExecutor, ShardDone, ShardFailed, Watcher, WorkerLimits
 from tests.batch.tasks import ScriptedWork
 
 LIMITS = WorkerLimits(deadline=3.0, memory=2**30)
@@ -15,7 +15,7 @@ LIMITS = WorkerLimits(deadline=3.0, memory=2**30)
 
 def run(folder: Path, shards: dict[str, dict[str, str]]) -> dict[str, ShardDone]:
     work = ScriptedWork(str(folder), shards)
-    results = list(InlineExecutor(LIMITS).map(work, list(shards)))
+    results = list(InlineExecutor(LIMITS).map(work, list(shards), Watcher()))
     assert all(isinstance(result, ShardDone) for result in results), results
     return {result.shard: result for result in results if isinstance(result, ShardDone)}
 
@@ -69,7 +69,7 @@ def test_a_second_chance_counts(tmp_path: Path) -> None:
 def test_a_shard_that_cannot_be_written_fails_by_name(tmp_path: Path) -> None:
     work = ScriptedWork(str(tmp_path), {"s": {"a": "ok"}, "t": {"b": "ok"}})
     (tmp_path / "s.txt").mkdir()
-    results = list(InlineExecutor(LIMITS).map(work, ["s", "t"]))
+    results = list(InlineExecutor(LIMITS).map(work, ["s", "t"], Watcher()))
     assert isinstance(results[0], ShardFailed)
     assert results[0].shard == "s"
     assert "IsADirectoryError" in results[0].reason
@@ -78,10 +78,10 @@ def test_a_shard_that_cannot_be_written_fails_by_name(tmp_path: Path) -> None:
 
 DRIVER = """
 import sys
-from pnabs.batch import InlineExecutor, WorkerLimits
+from pnabs.batch import InlineExecutor, Watcher, WorkerLimits
 from tests.batch.tasks import ScriptedWork
 work = ScriptedWork(sys.argv[1], {"s": {"a": "hang"}})
-list(InlineExecutor(WorkerLimits(600, 2**30)).map(work, ["s"]))
+list(InlineExecutor(WorkerLimits(600, 2**30)).map(work, ["s"], Watcher()))
 """
 
 

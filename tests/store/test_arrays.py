@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pnabs.store.arrays import ArraySpec, CategoryArrays, DamagedArrayError
+from pnabs.store.arrays import ArraySpec, CategoryArrays
+from pnabs.store.errors import DamagedDataError
 
 SPECS = (ArraySpec("bits", (16,), "u1"), ArraySpec("points", (5, 3), "f4"))
 SIZE = 16
@@ -65,7 +66,7 @@ def test_another_shape_makes_the_array_anew(store: CategoryArrays, tmp_path: Pat
     wider = CategoryArrays(tmp_path / "s.zarr", tmp_path, specs, SIZE)
     wider.ensure("chair", 2)
     np.testing.assert_array_equal(wider.read_shard("chair", 0, "bits", 16), rows(16)["bits"])
-    with pytest.raises(DamagedArrayError, match="missing"):
+    with pytest.raises(DamagedDataError, match="missing"):
         wider.read_shard("chair", 0, "points", 16)
 
 
@@ -89,7 +90,7 @@ def test_damage_is_noticed(store: CategoryArrays, damage: str) -> None:
         path.write_bytes(b"")
     else:
         path.unlink()
-    with pytest.raises(DamagedArrayError, match="points"):
+    with pytest.raises(DamagedDataError, match="points"):
         store.read_shard("chair", 0, "points", 16)
 
 
@@ -98,8 +99,8 @@ def test_a_lost_description_is_mended_and_shards_stay(store: CategoryArrays, dam
     store.write_shard("chair", 0, rows(16))
     path = store.store / "chair" / "points" / "zarr.json"
     before = path.read_bytes()
-    assert store.mend("chair", 2) == []
+    assert store.ensure("chair", 2) == []
     path.unlink() if damage == "delete" else path.write_bytes(before[:-20])
-    assert store.mend("chair", 2) == [path]
+    assert store.ensure("chair", 2) == [path]
     assert path.read_bytes() == before
     np.testing.assert_array_equal(store.read_shard("chair", 0, "points", 16), rows(16)["points"])

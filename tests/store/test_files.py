@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
+import socket
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
-from pnabs.store import atomic
+from pnabs.store import atomic, lock, sealed
 from pnabs.store.events import EventLog, read_events
 from pnabs.store.ledger import Ledger, LedgerError, ModelVerdict, Record
-from pnabs.store.lock import LockedError, run_lock
+from pnabs.store.lock import LockedError, NotHeldError, check_held, run_lock
 from pnabs.store.metrics import read_metrics, write_metrics
 from pnabs.store.run import RunFolder, RunFolderError
 
@@ -61,7 +66,8 @@ def test_ledger_round_trip_and_quarantine(tmp_path: Path) -> None:
     assert ledger.read("ingest", "03001627-00002") == record()
     assert ledger.shards("ingest") == ["03001627-00002"]
     assert ledger.stages() == ["ingest"]
-    lines = ledger.write_quarantine("ingest").read_text().splitlines()
+    ledger.write_quarantine("ingest")
+    lines = ledger.quarantine_path("ingest").read_text().splitlines()
     assert [json.loads(line) for line in lines] == [
         {
             "model_id": "b",
@@ -79,9 +85,11 @@ def test_ledger_round_trip_and_quarantine(tmp_path: Path) -> None:
 def test_ledger_schema_is_as_documented(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path)
     ledger.commit(record(outputs={"fields.zarr/x": {"bytes": 3, "sha256": "1"}}))
-    assert json.loads(ledger.path("ingest", "03001627-00002").read_bytes()) == {
+    value = json.loads(ledger.path("ingest", "03001627-00002").read_bytes())
+    assert len(value.pop("sha256")) == 64
+    assert value == {
         "format": "pnabs/ledger",
-        "version": 1,
+        "version": 2,
         "stage": "ingest",
         "shard": "03001627-00002",
         "fingerprint": "f" * 64,
@@ -102,9 +110,11 @@ def test_ledger_schema_is_as_documented(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("{", "not a ledger record"),
-        ('{"format": "other"}', "not a ledger record"),
-        ('{"format": "pnabs/ledger", "version": 2}', "version 2"),
+        ("{", "damaged"),
+        ("", "damaged"),
+        ('{"format": "other"}', "damaged"),
+        ('{"format": "pnabs/ledger", "version": 1}', "version 1, this pnabs reads 2"),
+        (sealed.seal({"format": "pnabs/ledger", "version": 9}).decode(), "version 9"),
     ],
 )
 def test_ledger_refuses_what_it_does_not_know(tmp_path: Path, text: str, says: str) -> None:
@@ -113,6 +123,89 @@ def test_ledger_refuses_what_it_does_not_know(tmp_path: Path, text: str, says: s
     ledger.path("ingest", "03001627-00002").write_text(text)
     with pytest.raises(LedgerError, match=says):
         ledger.read("ingest", "03001627-00002")
+
+
+VALUE = {"format": "pnabs/test", "text": "Gehäuse \\ \"x\"", "list": [1.5, None], "sha256x": {}}
+
+
+def test_sealed_json_is_json(tmp_path: Path) -> None:
+    data = sealed.seal(VALUE)
+    loaded = json.loads(data)
+    assert len(loaded.pop("sha256")) == 64
+    assert loaded == VALUE == sealed.unseal(data)
+    assert sealed.seal(dict(reversed(VALUE.items()))) == data
+
+
+def test_no_byte_of_sealed_json_changes_unnoticed() -> None:
+    data = sealed.seal(VALUE)
+    for place in range(len(data)):
+        for bit in range(8):
+            changed = bytearray(data)
+            changed[place] ^= 1 << bit
+            with pytest.raises(sealed.SealError):
+                sealed.unseal(bytes(changed))
+        with pytest.raises(sealed.SealError):
+            sealed.unseal(data[:place])
+    with pytest.raises(sealed.SealError):
+        sealed.unseal(data + b"\n")
+
+
+def test_what_later_stages_take_leaves_out_how_a_model_failed() -> None:
+    fallen = ModelVerdict("b", "timeout", "no result within 3 s", 2, "another stack")
+    assert record(models=(record().models[0], fallen)).digest == record().digest
+    assert record(models=record().models[:1]).digest != record().digest
+    assert record(fingerprint="0").digest != record().digest
+    assert record(outputs={"x": {"bytes": 1, "sha256": "2"}}).digest != record().digest
+
+
+def test_the_index_follows_the_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ledger = Ledger(tmp_path)
+    for number in range(5):
+        ledger.commit(record(shard=f"c-{number:05d}", fingerprint=str(number)))
+    ledger.save_index("ingest")
+    expected = dict(ledger.index("ingest"))
+    assert [entry.fingerprint for entry in expected.values()] == list("01234")
+    assert expected["c-00003"].fallen == (("b", "crash"),)
+
+    read = []
+    original = Ledger.read
+    monkeypatch.setattr(Ledger, "read", lambda *a: read.append(a[2]) or original(*a))
+    # Another process takes all from the index; what isn't in it, or changed, from the records.
+    assert Ledger(tmp_path).index("ingest") == expected
+    assert read == []
+    other = Ledger(tmp_path)
+    other.commit(record(shard="c-00005", fingerprint="new"))
+    other.commit(record(shard="c-00001", fingerprint="changed"))
+    other.withdraw("ingest", "c-00002")
+    assert Ledger(tmp_path).index("ingest") == other.index("ingest")
+    assert sorted(read) == ["c-00001", "c-00005"]
+    assert Ledger(tmp_path).lost("ingest") == ["c-00002"]
+
+
+@pytest.mark.parametrize("damage", ["delete", "flip", "empty", "version"])
+def test_a_lost_index_is_made_from_the_records(tmp_path: Path, damage: str) -> None:
+    ledger = Ledger(tmp_path)
+    ledger.commit(record())
+    ledger.save_index("ingest")
+    path = ledger.index_path("ingest")
+    data = bytearray(path.read_bytes())
+    if damage == "delete":
+        path.unlink()
+    elif damage == "version":
+        body = bytes(data).partition(b"\n")[2].replace(b'"version":1', b'"version":9')
+        path.write_bytes(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+    else:
+        data[-40] ^= 1
+        path.write_bytes(data if damage == "flip" else b"")
+    assert Ledger(tmp_path).index("ingest") == ledger.index("ingest")
+
+
+def test_a_damaged_record_counts_as_not_there(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path)
+    ledger.commit(record())
+    path = ledger.path("ingest", "03001627-00002")
+    path.write_bytes(path.read_bytes()[:-9])
+    assert Ledger(tmp_path).index("ingest") == {}
 
 
 def test_damaged_outputs_are_named(tmp_path: Path) -> None:
@@ -145,14 +238,67 @@ def test_two_drivers_never_write_one_run(tmp_path: Path) -> None:
     assert holder.stdout is not None
     try:
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(LockedError, match=f"process {holder.pid} on"), run_lock(tmp_path):
+        says = f"process {holder.pid} on {socket.gethostname()}, for [0-9]+ seconds"
+        with pytest.raises(LockedError, match=says), run_lock(tmp_path):
             pass
+        assert lock.holder(tmp_path) == holder.pid
     finally:
         holder.kill()
         holder.communicate()
+    assert lock.holder(tmp_path) is None
     # A dead holder's lock is free.
-    with run_lock(tmp_path):
-        assert json.loads((tmp_path / "lock").read_text())["pid"]
+    with run_lock(tmp_path) as token:
+        assert json.loads((tmp_path / "lock").read_text())["pid"] == os.getpid()
+        check_held(tmp_path, token)
+        with pytest.raises(NotHeldError, match=f"held by process {os.getpid()}"):
+            check_held(tmp_path, "another")
+    with pytest.raises(NotHeldError, match="held by nobody"):
+        check_held(tmp_path, token)
+    with pytest.raises(NotHeldError, match="out of reach"):
+        check_held(tmp_path / "elsewhere", token)
+
+
+@pytest.mark.parametrize("alive", [True, False])
+def test_a_holder_on_another_machine_is_watched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alive: bool
+) -> None:
+    """Where `flock` doesn't reach across machines: a stranger's entry, kept up or not."""
+    monkeypatch.setattr(lock, "BEAT_SECONDS", 0.1)
+    entry = {"host": "elsewhere", "pid": 7, "since": time.time() - 600, "token": "t", "beat": 0}
+    path = tmp_path / "lock"
+    path.write_text(json.dumps(entry))
+    stop = threading.Event()
+
+    def beat() -> None:
+        while not stop.wait(0.05):
+            path.write_text(json.dumps({**entry, "beat": time.time()}))
+
+    beating = threading.Thread(target=beat)
+    if alive:
+        beating.start()
+    try:
+        if alive:
+            says = "process 7 on elsewhere, for 10 minutes"
+            with pytest.raises(LockedError, match=says), run_lock(tmp_path):
+                pass
+        else:
+            with run_lock(tmp_path):
+                assert lock.holder(tmp_path) == os.getpid()
+    finally:
+        stop.set()
+        if alive:
+            beating.join()
+
+
+def test_what_a_killed_writer_left_is_swept(tmp_path: Path) -> None:
+    run = RunFolder(tmp_path)
+    run.ledger.commit(record())
+    names = ("ledger/ingest/.x.json.0a1b.partial", ".run.json.0a1b.partial")
+    for name in names:
+        (tmp_path / name).write_bytes(b"half")
+    run.sweep()
+    assert not list(tmp_path.rglob("*.partial"))
+    assert run.ledger.shards("ingest") == ["03001627-00002"]
 
 
 def test_events_append_and_a_torn_line_is_passed_over(tmp_path: Path) -> None:
