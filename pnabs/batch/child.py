@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import fcntl
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -17,7 +18,6 @@ import resource
 import signal
 import sys
 import tempfile
-import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -151,7 +151,7 @@ def _serve(
     # Ctrl-C goes to the whole process group; the driver decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_the_worker, daemon=True).start()
+    _end_with_the_worker()
     words = stack.open("ab", buffering=0)
     faulthandler.enable(words)
     limit = _address_space() + limits.memory
@@ -169,9 +169,19 @@ def _serve(
 
 
 def _end_with_the_worker() -> None:
+    """Have the kernel end this process with its worker.
+
+    A thread that waits for the worker could not act while native code holds the interpreter.
+    """
     worker = multiprocessing.parent_process()
-    if worker is not None:
-        worker.join()
+    if worker is None:
+        return
+    # The sentinel is a pipe that the worker's end closes; SIGIO's default is to end the process.
+    signal.signal(signal.SIGIO, signal.SIG_DFL)
+    fcntl.fcntl(worker.sentinel, fcntl.F_SETOWN, os.getpid())
+    flags = fcntl.fcntl(worker.sentinel, fcntl.F_GETFL)
+    fcntl.fcntl(worker.sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
+    if multiprocessing.connection.wait([worker.sentinel], timeout=0):
         os._exit(1)
 
 

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-from pnabs.batch import InlineExecutor, ShardDone, ShardFailed, Watcher, WorkerLimits
-from tests.batch.tasks import ScriptedWork
+import pytest
+
+from pnabs.batch import (
+    InlineExecutor,
+    ShardDone,
+    ShardFailed,
+    Unavailable,
+    Watcher,
+    WorkerLimits,
+)
+from pnabs.batch.work import Committed
+from tests.batch.tasks import FAULTS, VERDICTS, ScriptedWork, Table, invocations
 
 LIMITS = WorkerLimits(deadline=3.0, memory=2**30)
 
 
-def run(folder: Path, shards: dict[str, dict[str, str]]) -> dict[str, ShardDone]:
+def run(folder: Path, shards: dict[str, Table]) -> dict[str, ShardDone]:
     work = ScriptedWork(str(folder), shards)
     results = list(InlineExecutor(LIMITS).map(work, list(shards), Watcher()))
     assert all(isinstance(result, ShardDone) for result in results), results
@@ -21,39 +32,18 @@ def run(folder: Path, shards: dict[str, dict[str, str]]) -> dict[str, ShardDone]
 
 
 def test_each_fault_is_charged_to_its_model_alone(tmp_path: Path) -> None:
-    scripts = {
-        "a": "ok",
-        "b": "crash",
-        "c": "abort",
-        "d": "exit",
-        "e": "hang",
-        "f": "raise",
-        "g": "invalid",
-        "h": "memory",
-        "i": "ok",
-    }
+    scripts = {"a": "ok", **FAULTS, "z": "slow"}
     outcomes = {o.model_id: o for o in run(tmp_path, {"s": scripts})["s"].outcomes}
-    kinds = {model_id: outcome.kind for model_id, outcome in outcomes.items()}
-    assert kinds == {
-        "a": "ok",
-        "b": "crash",
-        "c": "crash",
-        "d": "crash",
-        "e": "timeout",
-        "f": "error",
-        "g": "invalid",
-        "h": "memory",
-        "i": "ok",
-    }
-    assert "SIGSEGV" in outcomes["b"].reason
-    assert "SIGABRT" in outcomes["c"].reason
-    assert "exit code 7" in outcomes["d"].reason
-    assert "misbehave" in outcomes["b"].traceback
-    assert "misbehave" in outcomes["e"].traceback
-    assert "a bad model" in outcomes["f"].reason
-    assert (tmp_path / "s.txt").read_text() == "a done\ni done\n"
-    invocations = {model_id: (tmp_path / model_id).stat().st_size for model_id in scripts}
-    assert invocations == dict.fromkeys(scripts, 2) | {"a": 1, "g": 1, "i": 1}
+    assert list(outcomes) == list(scripts)
+    assert outcomes["a"].kind == outcomes["z"].kind == "ok"
+    for name, (kind, reason, trace) in VERDICTS.items():
+        assert outcomes[name].kind == kind
+        assert reason in outcomes[name].reason
+        assert trace in outcomes[name].traceback
+        assert outcomes[name].attempts == (1 if name == "invalid" else 2)
+    assert (tmp_path / "s.txt").read_text() == "a done\nz done\n"
+    expected = dict.fromkeys(scripts, 2) | {"a": 1, "invalid": 1, "z": 1}
+    assert invocations(tmp_path, scripts) == expected
 
 
 def test_a_second_chance_counts(tmp_path: Path) -> None:
@@ -66,6 +56,18 @@ def test_a_second_chance_counts(tmp_path: Path) -> None:
     assert (tmp_path / "s.txt").read_text() == "a done\nb done\nc done\n"
 
 
+def test_without_a_child_what_raises_is_charged_alone(tmp_path: Path) -> None:
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "raise", "b": "ok", "c": "invalid"}})
+    limits = WorkerLimits(3.0, 2**30, isolated=False)
+    (done,) = InlineExecutor(limits).map(work, ["s"], Watcher())
+    assert isinstance(done, ShardDone)
+    assert [(o.kind, o.attempts) for o in done.outcomes] == [
+        ("error", 2),
+        ("ok", 1),
+        ("invalid", 1),
+    ]
+
+
 def test_a_shard_that_cannot_be_written_fails_by_name(tmp_path: Path) -> None:
     work = ScriptedWork(str(tmp_path), {"s": {"a": "ok"}, "t": {"b": "ok"}})
     (tmp_path / "s.txt").mkdir()
@@ -74,6 +76,55 @@ def test_a_shard_that_cannot_be_written_fails_by_name(tmp_path: Path) -> None:
     assert results[0].shard == "s"
     assert "IsADirectoryError" in results[0].reason
     assert isinstance(results[1], ShardDone)
+
+
+def test_what_is_no_models_fault_ends_the_shard_without_a_verdict(tmp_path: Path) -> None:
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "ok", "b": "unavailable"}, "t": {"c": "ok"}})
+    results = list(InlineExecutor(LIMITS).map(work, ["s", "t"], Watcher()))
+    assert results[0] == ShardFailed("s", "the disk is gone")
+    assert isinstance(results[1], ShardDone)
+    assert invocations(tmp_path, "abc") == {"a": 1, "b": 1, "c": 1}
+
+
+def test_work_ends_when_what_it_needs_is_out_of_reach(tmp_path: Path) -> None:
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "ok"}, "t": {"b": "ok"}, "u": {"c": "ok"}})
+    results = InlineExecutor(LIMITS).map(work, ["s", "t", "u"], Watcher())
+    assert isinstance(next(results), ShardDone)
+    (tmp_path / "gone").write_text("the run folder is gone")
+    assert next(results) == ShardFailed("t", "the run folder is gone")
+    with pytest.raises(Unavailable, match="the run folder is gone"):
+        next(results)
+    assert invocations(tmp_path, "abc") == {"a": 1, "b": 1, "c": 0}
+    assert not (tmp_path / "t.txt").exists()
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EDQUOT])
+def test_work_ends_when_nothing_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    def commit(*_: object) -> Committed:
+        raise OSError(number, "No way", "/run/fields.zarr")
+
+    monkeypatch.setattr(ScriptedWork, "commit", commit)
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "ok"}, "t": {"b": "ok"}})
+    results = InlineExecutor(LIMITS).map(work, ["s", "t"], Watcher())
+    failed = next(results)
+    assert isinstance(failed, ShardFailed)
+    assert "No way: '/run/fields.zarr'" in failed.reason
+    with pytest.raises(Unavailable, match="No way"):
+        next(results)
+
+
+def test_a_watcher_ends_the_work_and_is_no_failure(tmp_path: Path) -> None:
+    class Enough(Watcher):
+        def progress(self, models: int) -> None:
+            if models == 2:
+                raise RuntimeError("enough")
+
+    work = ScriptedWork(str(tmp_path), {"s": dict.fromkeys("abc", "ok")})
+    with pytest.raises(RuntimeError, match="enough"):
+        list(InlineExecutor(LIMITS).map(work, ["s"], Enough()))
+    assert invocations(tmp_path, "abc") == {"a": 1, "b": 1, "c": 0}
 
 
 DRIVER = """

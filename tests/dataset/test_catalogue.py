@@ -244,7 +244,9 @@ def test_files_that_are_no_catalogue(tmp_path: Path, root: Path) -> None:
     (tmp_path / "text.parquet").write_text("text")
     with pytest.raises(DatasetError, match="isn't a readable catalogue"):
         catalogue.read(tmp_path / "text.parquet")
-    (tmp_path / "other.parquet").write_bytes(catalogue.to_bytes(_scan(root).drop_columns(["reason"])))
+    (tmp_path / "other.parquet").write_bytes(
+        catalogue.to_bytes(_scan(root).drop_columns(["reason"]))
+    )
     with pytest.raises(DatasetError, match="isn't a catalogue: its columns"):
         catalogue.read(tmp_path / "other.parquet")
 

@@ -125,7 +125,7 @@ def test_ledger_refuses_what_it_does_not_know(tmp_path: Path, text: str, says: s
         ledger.read("ingest", "03001627-00002")
 
 
-VALUE = {"format": "pnabs/test", "text": "Gehäuse \\ \"x\"", "list": [1.5, None], "sha256x": {}}
+VALUE = {"format": "pnabs/test", "text": 'Gehäuse \\ "x"', "list": [1.5, None], "sha256x": {}}
 
 
 def test_sealed_json_is_json(tmp_path: Path) -> None:

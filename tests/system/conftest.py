@@ -75,8 +75,8 @@ def finished(
 
 
 def tree(run: Path) -> dict[str, bytes]:
-    """A run's results: every file but run.json, lock and events, which tell of a session."""
-    skip = ("events/", "run.json", "lock", "report/index.html")
+    """A run's results: every file but those that tell of a session or of file times."""
+    skip = ("events/", "index/", "run.json", "lock", "report/index.html")
     files = (path for path in sorted(run.rglob("*")) if path.is_file())
     named = ((path.relative_to(run).as_posix(), path) for path in files)
     return {name: path.read_bytes() for name, path in named if not name.startswith(skip)}
