@@ -26,6 +26,9 @@ from typing import Any
 
 from pnabs.batch.work import InvalidInput, Outcome, Unavailable, WorkerLimits
 
+START_SECONDS = 300.0
+"""What a child may take to start, its server's imports on a busy machine included."""
+
 GRACE_SECONDS = 5.0
 """A child ends itself at the deadline; after this longer it is killed."""
 
@@ -58,8 +61,14 @@ class IsolatedChild:
         self._stack = Path(name)
 
     def run(self, model_id: str, payload: Any) -> Outcome:
-        """One model's outcome; raises nothing of what the task does but `Unavailable`."""
-        connection = self._connection or self._start()
+        """One model's outcome.
+
+        Raises
+        ------
+        Unavailable
+            When the task says so, or no child can be started: neither is the model's fault.
+        """
+        connection = self._connection or self._started()
         deadline = self._limits.deadline
         started = time.monotonic()
         try:
@@ -88,6 +97,20 @@ class IsolatedChild:
         """End the child for good."""
         self._end()
         self._stack.unlink(missing_ok=True)
+
+    def _started(self) -> multiprocessing.connection.Connection:
+        """A connection to a new child that is ready for work."""
+        connection = self._start()
+        try:
+            if connection.poll(START_SECONDS):
+                connection.recv()
+                return connection
+            reason = f"none is ready after {START_SECONDS:g} s"
+        except (EOFError, ConnectionError):
+            self._process.join(GRACE_SECONDS)
+            reason = _exit_reason(self._process.exitcode)
+        stack = self._end().strip()
+        raise Unavailable(f"a child process can't be started: {reason} {stack}".strip())
 
     def _start(self) -> multiprocessing.connection.Connection:
         ours, theirs = self._context.Pipe()
@@ -156,6 +179,7 @@ def _serve(
     faulthandler.enable(words)
     limit = _address_space() + limits.memory
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    connection.send("ready")
     while True:
         try:
             payload = connection.recv()

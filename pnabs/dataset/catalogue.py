@@ -155,7 +155,7 @@ def read(path: Path) -> pa.Table:
         If it isn't one.
     """
     try:
-        table = pq.read_table(path)
+        table = pq.ParquetFile(path).read()
         if table.column_names != SCHEMA.names:
             raise DatasetError(f"{path} isn't a catalogue: its columns are {table.column_names}")
         return table.cast(SCHEMA)

@@ -13,12 +13,13 @@ from pnabs.batch.work import Committed
 from pnabs.formats import to_glb, to_json
 from pnabs.pipeline import Finished, Prediction, Predictor, Shape, finish
 from pnabs.settings import Settings
+from pnabs.stages import plans
 from pnabs.stages.context import Context, model_rng, read_shard_rows
 from pnabs.stages.difference import models_of
-from pnabs.stages.phases import weights_path
-from pnabs.stages.plan import fingerprint, recipe_digest
+from pnabs.stages.plan import recipe_digest
+from pnabs.stages.plans import weights_of
 from pnabs.stages.reach import check_run
-from pnabs.stages.sharded import ShardPlan, run_sharded
+from pnabs.stages.sharded import run_sharded
 from pnabs.stages.stored import StoredShard
 from pnabs.store.atomic import file_digest, sweep, write_atomic
 from pnabs.store.metrics import write_metrics
@@ -137,29 +138,10 @@ class AbstractWork:
         return outputs
 
 
-def plans(context: Context, variant: str) -> list[ShardPlan]:
-    """Every ingested shard and what its abstractions depend on."""
-    recipe, shards = recipe_digest(STAGE, context.variants[variant]), context.shards
-    weights = [
-        file_digest(path)["sha256"] for path in _weights(context, variant) if path is not None
-    ]
-    ingested = context.run.ledger.index("ingest")
-    out = []
-    # The metrics' rows name the splits.
-    for number, content in enumerate(shards.digests("model_id", "split")):
-        shard = shards.names[number]
-        entry = ingested.get(shard)
-        if entry is not None:
-            inputs = {"weights": weights, "ingest": entry.digest, "models": content}
-            models = entry.models - len(entry.fallen)
-            out.append(ShardPlan(shard, fingerprint(recipe, inputs), models))
-    return out
-
-
 def run(context: Context, variant: str) -> None:
     """Do the stage for a variant that has it at home."""
     job = context.variants[variant]
-    positive, negative = _weights(context, variant)
+    positive, negative = weights_of(context, variant)
     provenance = {
         "pnabs": versions()["pnabs"],
         "recipe": recipe_digest(STAGE, job),
@@ -167,11 +149,4 @@ def run(context: Context, variant: str) -> None:
     }
     work = AbstractWork(job, variant, context.token, positive, negative, provenance)
     name = context.run.variant(variant).stage(STAGE)
-    run_sharded(context, name, work, plans(context, variant), lambda _: None)
-
-
-def _weights(context: Context, variant: str) -> tuple[Path, Path | None]:
-    positive = weights_path(context, variant, "positive")
-    if not context.variants[variant].abstract.negatives:
-        return positive, None
-    return positive, weights_path(context, variant, "negative")
+    run_sharded(context, name, work, plans.abstract(context, variant), lambda _: None)

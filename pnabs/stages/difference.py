@@ -15,19 +15,16 @@ from pnabs.geometry import difference as geometry
 from pnabs.geometry.types import Cuboids
 from pnabs.pipeline import Predictor, Shape
 from pnabs.settings import Settings
+from pnabs.stages import plans
 from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
 from pnabs.stages.phases import weights_path
-from pnabs.stages.plan import fingerprint, recipe_digest
 from pnabs.stages.reach import check_run
-from pnabs.stages.sharded import ShardPlan, run_sharded
+from pnabs.stages.sharded import run_sharded
 from pnabs.stages.stored import StoredShard
-from pnabs.store.atomic import file_digest
 from pnabs.store.ledger import Ledger
 from pnabs.store.run import RunFolder
 
 STAGE = "difference"
-SPLITS = ("train", "val")
-"""Only models that train or validate have a stored difference volume."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +76,7 @@ class DifferenceWork:
     def payloads(self, shard: str) -> Iterable[tuple[str, Any]]:
         """The shard's training and validation models with their predicted positives."""
         run = RunFolder(self.job.out)
-        models = models_of(run.ledger, read_shard_rows(run.catalogue, shard), shard, SPLITS)
+        models = models_of(run.ledger, read_shard_rows(run.catalogue, shard), shard, plans.SPLITS)
         if not models or self._predictor is None:
             return
         stored = StoredShard(run, self.job, shard, [row["row"] for row in models])
@@ -121,22 +118,6 @@ def models_of(
     ]
 
 
-def plans(context: Context, variant: str) -> list[ShardPlan]:
-    """Every shard with training models, and what its result depends on."""
-    recipe, shards = recipe_digest(STAGE, context.variants[variant]), context.shards
-    weights = file_digest(weights_path(context, variant, "positive"))["sha256"]
-    ingested = context.run.ledger.index("ingest")
-    out = []
-    for number, content in enumerate(shards.digests("model_id", "split")):
-        shard = shards.names[number]
-        entry = ingested.get(shard)
-        models = 0 if entry is None else len(shards.chosen(number, SPLITS, dict(entry.fallen)))
-        if entry is not None and models:
-            inputs = {"weights": weights, "ingest": entry.digest, "models": content}
-            out.append(ShardPlan(shard, fingerprint(recipe, inputs), models))
-    return out
-
-
 def run(context: Context, variant: str) -> None:
     """Do the stage for a variant that has it at home."""
     job = context.variants[variant]
@@ -148,4 +129,4 @@ def run(context: Context, variant: str) -> None:
             store.ensure(category, count)
 
     work = DifferenceWork(job, variant, context.token, weights_path(context, variant, "positive"))
-    run_sharded(context, home.stage(STAGE), work, plans(context, variant), prepare)
+    run_sharded(context, home.stage(STAGE), work, plans.difference(context, variant), prepare)

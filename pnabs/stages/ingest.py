@@ -17,10 +17,10 @@ from pnabs.dataset.source import Dataset
 from pnabs.geometry.fields import Fields, compute_fields
 from pnabs.geometry.load import InvalidMeshError, parse_mesh
 from pnabs.settings import Settings
+from pnabs.stages import plans
 from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
-from pnabs.stages.plan import fingerprint, recipe_digest
 from pnabs.stages.reach import check_dataset, check_run
-from pnabs.stages.sharded import ShardPlan, run_sharded
+from pnabs.stages.sharded import run_sharded
 from pnabs.store.run import RunFolder
 
 STAGE = "ingest"
@@ -111,16 +111,6 @@ class IngestWork:
         return Committed(store.write_shard(category, number, arrays), notes)
 
 
-def plans(context: Context) -> list[ShardPlan]:
-    """Every shard with what its result depends on: settings, and its models' files."""
-    recipe, shards = recipe_digest(STAGE, context.job), context.shards
-    inputs = shards.digests("model_id", "source", "size", "reason")
-    return [
-        ShardPlan(name, fingerprint(recipe, content), int(models))
-        for name, content, models in zip(shards.names, inputs, shards.models, strict=True)
-    ]
-
-
 def run(context: Context) -> None:
     """Do the stage."""
     store = context.run.fields(context.job)
@@ -129,4 +119,5 @@ def run(context: Context) -> None:
         for category, count in shards.items():
             store.ensure(category, count)
 
-    run_sharded(context, STAGE, IngestWork(context.job, context.token), plans(context), prepare)
+    work = IngestWork(context.job, context.token)
+    run_sharded(context, STAGE, work, plans.ingest(context), prepare)

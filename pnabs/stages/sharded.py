@@ -85,11 +85,9 @@ def run_sharded(
     wanted = chosen(context, plans)
     todo = {plan.shard: plan for plan in pending(context, stage, wanted)}
     if todo:
-        highest: dict[str, int] = {}
-        for plan in plans:
-            category, number = split_shard(plan.shard)
-            highest[category] = max(highest.get(category, 0), number + 1)
-        prepare(highest)
+        present = {split_shard(plan.shard)[0] for plan in plans}
+        counts = context.shards.counts.items()
+        prepare({category: count for category, count in counts if category in present})
         total = sum(plan.models for plan in wanted)
         left = sum(plan.models for plan in todo.values())
         context.events("stage-start", stage=stage, shards=len(todo), models=left)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
@@ -26,6 +27,8 @@ class Shards:
         Of the shards.
     models
         (n,) how many models each has.
+    counts
+        Category -> how many shards, numbered from 0, it has.
     """
 
     def __init__(self, catalogue: pa.Table) -> None:
@@ -35,6 +38,7 @@ class Shards:
         self._ends: NDArray[np.int64] = runs.run_ends.to_numpy().astype(np.int64)
         self._starts = np.concatenate([[0], self._ends[:-1]]) if len(self._ends) else self._ends
         self.models = self._ends - self._starts
+        self.counts = dict(Counter(name.rpartition("-")[0] for name in self.names))
         self._digests: dict[Sequence[str], list[str]] = {}
         self._masks: dict[Sequence[str] | None, NDArray[np.bool_]] = {}
 

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from pnabs.dataset import catalogue as catalogues
 from pnabs.settings import Settings
-from pnabs.stages import abstract, difference, ingest, train_state
+from pnabs.stages import plans, train_state
 from pnabs.stages.context import Context
 from pnabs.stages.errors import RunError, UsageError
 from pnabs.stages.job import Job
@@ -166,7 +166,7 @@ def context_of(
 def status(context: Context) -> list[StageStatus]:
     """Every stage of every variant, in the order a run does them."""
     past = read_history(context.run)
-    out = [_sharded(context, "ingest", partial(ingest.plans, context), past, every=True)]
+    out = [_sharded(context, "ingest", partial(plans.ingest, context), past, every=True)]
     for name, job in context.variants.items():
         variant = context.run.variant(name)
 
@@ -178,13 +178,13 @@ def status(context: Context) -> list[StageStatus]:
             out += _phases(context, name, "positive", past)
         if trained and job.abstract.negatives and mine("difference"):
             stage = variant.stage("difference")
-            out.append(_sharded(context, stage, partial(difference.plans, context, name), past))
+            out.append(_sharded(context, stage, partial(plans.difference, context, name), past))
         if trained and job.abstract.negatives and mine("train-negative"):
             out += _phases(context, name, "negative", past)
         if mine("abstract"):
             stage = variant.stage("abstract")
-            plans = partial(abstract.plans, context, name)
-            out.append(_sharded(context, stage, plans, past, every=True))
+            plan = partial(plans.abstract, context, name)
+            out.append(_sharded(context, stage, plan, past, every=True))
     return out
 
 
@@ -204,15 +204,15 @@ def _sharded(
         Whether every shard of the catalogue is to go through it.
     """
     try:
-        plans: list[ShardPlan] | None = chosen(context, plan())
+        wanted: list[ShardPlan] | None = chosen(context, plan())
     except RunError:
         # What an untrained module leaves open can't be counted yet.
-        plans = None
+        wanted = None
     entries = context.run.ledger.index(stage)
     models = 0
     kinds: Counter[str] = Counter()
     states: dict[str, ShardState] = {}
-    for item in plans or ():
+    for item in wanted or ():
         entry = entries.get(item.shard)
         if entry is not None and entry.fingerprint == item.fingerprint:
             models += entry.models
@@ -225,8 +225,8 @@ def _sharded(
         names = [name for name in context.shards.names if is_chosen(context, name)]
         states = {name: states.get(name) or ShardState(name, "pending") for name in names}
     done = sum(item.state == "done" for item in states.values())
-    total = None if plans is None and not every else len(states)
-    models_total = None if plans is None else sum(item.models for item in plans)
+    total = None if wanted is None and not every else len(states)
+    models_total = None if wanted is None else sum(item.models for item in wanted)
     rate = past.rates.get(stage)
     left = (models_total - models) / rate if rate and models_total is not None else None
     shards = list(states.values())

@@ -7,7 +7,7 @@ import shutil
 import time
 from typing import Any
 
-from pnabs.stages import difference, ingest, train_state
+from pnabs.stages import plans, train_state
 from pnabs.stages.context import Context
 from pnabs.stages.errors import InterruptedRunError, RunError, ShardsFailedError, UsageError
 from pnabs.stages.phases import (
@@ -52,11 +52,13 @@ def run(context: Context, variant: str, module: str) -> None:
     InterruptedRunError
         When the run was asked to stop; training goes on from its last checkpoint.
     """
-    plans = phase_plans(context, variant, module)
-    todo = [plan for plan in plans if not is_done(plan)]
-    for plan in plans:
-        if plan not in todo:
+    todo = []
+    for plan in phase_plans(context, variant, module):
+        if is_done(plan):
+            # A driver killed just after the record was written left it behind.
             train_state.drop(plan.folder)
+        else:
+            todo.append(plan)
     if not todo:
         return
     _check_complete(context, variant, module)
@@ -69,12 +71,12 @@ def run(context: Context, variant: str, module: str) -> None:
 def _check_complete(context: Context, variant: str, module: str) -> None:
     stage = source_stage(context, variant, module)
     positive = module == "positive"
-    plans = ingest.plans(context) if positive else difference.plans(context, variant)
-    missing = pending(context, stage, plans)
+    wanted = plans.ingest(context) if positive else plans.difference(context, variant)
+    missing = pending(context, stage, wanted)
     if missing:
         raise UsageError(
             f"train-{module} takes the job's whole training split, and {len(missing)} of "
-            f"{len(plans)} shards have not been through {stage.partition('@')[0]} yet: run "
+            f"{len(wanted)} shards have not been through {stage.partition('@')[0]} yet: run "
             "that first, without --category. To train on some categories alone, name them in "
             "dataset.categories."
         )

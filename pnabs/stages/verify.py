@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pnabs.dataset.errors import DatasetError
-from pnabs.stages.context import Context, split_shard
+from pnabs.stages.context import Context
 from pnabs.stages.errors import UsageError
 from pnabs.stages.phases import CURVES, RECORD, WEIGHTS, damaged_files
 from pnabs.stages.progress import Reporter
@@ -112,17 +112,13 @@ def _phase_line(run: RunFolder, folder: Path, name: str) -> str:
 
 def _descriptions(context: Context) -> list[str]:
     """The arrays' descriptions, made again where they differ from what they should be."""
-    shards: dict[str, int] = {}
-    for shard in context.shards.names:
-        category, number = split_shard(shard)
-        shards[category] = max(shards.get(category, 0), number + 1)
     stores = [context.run.fields(context.job)]
     for name, job in context.variants.items():
         stores.append(context.run.differences(context.run.variant(name), job))
     return [
         f"{path.relative_to(context.run.root)} was missing or damaged; made again"
         for store in stores
-        for category, count in shards.items()
+        for category, count in context.shards.counts.items()
         if (store.store / category).is_dir()
         for path in store.ensure(category, count)
     ]

@@ -13,16 +13,17 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import zarr
-import zarr.storage
 from numpy.typing import NDArray
-from zarr.codecs import BloscCodec, Crc32cCodec
 
 from pnabs.store.atomic import file_digest, sweep, sync_folder, write_atomic
 from pnabs.store.errors import DamagedDataError
+
+if TYPE_CHECKING:
+    # Loaded when first used: status, say, reads no array.
+    import zarr
 
 INNER_CHUNK = 8
 """Models a chunk: one model can be looked at cheaply, a shard is read in a few chunks."""
@@ -106,6 +107,9 @@ class CategoryArrays:
 
     def _descriptions(self, category: str, shards: int) -> dict[str, bytes]:
         """Every zarr.json of a category and of the store, as Zarr writes them: path -> bytes."""
+        import zarr.storage
+        from zarr.codecs import BloscCodec, Crc32cCodec
+
         memory: dict[str, Any] = {}
         store = zarr.storage.MemoryStore(memory)
         zarr.create_group(store, zarr_format=3)
@@ -197,11 +201,15 @@ class CategoryArrays:
         return self.store / category / name / "c" / "/".join([str(shard), *["0"] * dimensions])
 
     def _array(self, category: str, name: str) -> zarr.Array[Any]:
+        import zarr
+
         array = zarr.open_array(self.store, path=f"{category}/{name}", mode="r+")
         return array
 
 
 def _single_threaded() -> Any:
+    import zarr
+
     # Parallelism comes from processes; threads of each would only get in their way.
     # Chunks of zeros are written too, so that a missing file always means damage.
     return zarr.config.set(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -33,6 +34,17 @@ def environment(home: Path) -> dict[str, str]:
         # As in an activated environment: a job's `python` is this one.
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
+
+
+def processes_of(home: Path) -> list[int]:
+    """Processes that were started with this home: a command's, Ray's, workers'."""
+    found = []
+    mark = f"HOME={home}".encode()
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark in path.read_bytes().split(b"\0"):
+                found.append(int(path.parent.name))
+    return found
 
 
 def test_ctrl_c_stops_in_good_order_and_names_the_command_that_goes_on(
