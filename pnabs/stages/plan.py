@@ -52,6 +52,7 @@ def recipe(stage: str, job: Settings, versions: Mapping[str, int] | None = None)
         values = {
             "seed": job.seed,
             "layout": job.dataset.layout,
+            "shard_size": job.dataset.shard_size,
             "ingest": job.ingest.model_dump(mode="json"),
         }
     elif stage == "train-positive":

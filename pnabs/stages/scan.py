@@ -81,6 +81,12 @@ def scan(
                 "put back a copy of it, or begin a new run folder"
             )
         return Scan(found)
+    if pc.max(old["row"]).as_py() >= job.dataset.shard_size:
+        # With run.json lost, nothing else would tell.
+        raise RefusedError(
+            f"{run.catalogue} has shards of more models than dataset.shard_size="
+            f"{job.dataset.shard_size}; set it back"
+        )
     if found.equals(old):
         return Scan(old)
     gone = pc.invert(pc.is_in(_keys(old), value_set=_keys(found)))

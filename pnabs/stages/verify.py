@@ -54,6 +54,10 @@ def _records(run: RunFolder, stage: str) -> list[str]:
     """A stage's records, what they vouch for, and the list derived from them."""
     ledger = run.ledger
     found = []
+    # A record that is gone leaves its shard pending.
+    for shard in ledger.lost(stage):
+        path = ledger.path(stage, shard).relative_to(run.root)
+        found.append(f"{path} is missing: {stage} of shard {shard} is to be done again")
     for shard in ledger.shards(stage):
         path = ledger.path(stage, shard).relative_to(run.root)
         try:
@@ -69,10 +73,6 @@ def _records(run: RunFolder, stage: str) -> list[str]:
                 for name in damaged
             ]
             ledger.withdraw(stage, shard)
-    # A record that is gone leaves its shard pending; what is derived follows.
-    for shard in ledger.lost(stage):
-        path = ledger.path(stage, shard).relative_to(run.root)
-        found.append(f"{path} is missing: {stage} of shard {shard} is to be done again")
     quarantine = ledger.quarantine_path(stage)
     if not found and quarantine.exists():
         expected = ledger.quarantine(stage)

@@ -7,9 +7,7 @@ CRC-32C, and what was written is read back before it counts.
 
 from __future__ import annotations
 
-import json
 import os
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,13 +63,8 @@ class CategoryArrays:
         Returns
         -------
         The descriptions (zarr.json) that weren't there or differed from what they should be.
-        They follow from the settings, so nothing is lost with them; shards that lie there
-        stay, but where an array's shape a model has changed.
-
-        Raises
-        ------
-        ValueError
-            When the store was made with shards of another size.
+        They follow from the settings, so nothing is lost with them, and shards that lie there
+        stay.  Where settings gave an array another shape, its shards are to be written anew.
         """
         written = []
         for name, data in self._descriptions(category, shards).items():
@@ -83,27 +76,9 @@ class CategoryArrays:
                 before = b""
             if before == data:
                 continue
-            if path.parent.parent.parent == self.store and before:
-                self._make_way(path.parent, before, data)
             write_atomic(path, data)
             written.append(path)
         return written
-
-    def _make_way(self, array: Path, before: bytes, after: bytes) -> None:
-        """Drop an array's shards when they are of another shape a model."""
-        try:
-            then, now = (
-                json.loads(data)["chunk_grid"]["configuration"]["chunk_shape"]
-                for data in (before, after)
-            )
-        except (ValueError, KeyError, TypeError):
-            return  # damaged: what lies beside it is as good as before
-        if then[1:] != now[1:]:
-            shutil.rmtree(array / "c", ignore_errors=True)
-        elif then[0] != now[0]:
-            raise ValueError(
-                f"{array} was made with dataset.shard_size={then[0]}, not {now[0]}; set it back"
-            )
 
     def _descriptions(self, category: str, shards: int) -> dict[str, bytes]:
         """Every zarr.json of a category and of the store, as Zarr writes them: path -> bytes."""

@@ -60,14 +60,17 @@ def test_growing_leaves_shards_alone(store: CategoryArrays) -> None:
     np.testing.assert_array_equal(store.read_shard("chair", 4, "bits", 3), rows(3, 2)["bits"])
 
 
-def test_another_shape_makes_the_array_anew(store: CategoryArrays, tmp_path: Path) -> None:
+def test_what_has_another_shape_is_never_read_as_the_new(store: CategoryArrays, tmp_path: Path) -> None:
     store.write_shard("chair", 0, rows(16))
     specs = (SPECS[0], ArraySpec("points", (7, 3), "f4"))
     wider = CategoryArrays(tmp_path / "s.zarr", tmp_path, specs, SIZE)
     wider.ensure("chair", 2)
     np.testing.assert_array_equal(wider.read_shard("chair", 0, "bits", 16), rows(16)["bits"])
-    with pytest.raises(DamagedDataError, match="missing"):
+    with pytest.raises(DamagedDataError, match="damaged"):
         wider.read_shard("chair", 0, "points", 16)
+    new = {"bits": rows(16)["bits"], "points": np.ones((16, 7, 3), np.float32)}
+    wider.write_shard("chair", 0, new)
+    np.testing.assert_array_equal(wider.read_shard("chair", 0, "points", 16), new["points"])
 
 
 def test_a_shard_of_zeros_is_stored(store: CategoryArrays) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -12,11 +13,12 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from pnabs.store import lock
 from pnabs.store.ledger import Ledger
 from tests.system.conftest import Launcher
 
@@ -47,34 +49,122 @@ def processes_of(home: Path) -> list[int]:
     return found
 
 
-def test_ctrl_c_stops_in_good_order_and_names_the_command_that_goes_on(
+class Started:
+    """A run of the small job as a process of its own, from the command line."""
+
+    def __init__(self, launch: Launcher, folder: Path) -> None:
+        self.run = folder / "run"
+        self.home = folder / "home"
+        launch.job(self.run)
+        self.ledger = Ledger(self.run)
+        self.process = subprocess.Popen(
+            [*PNABS, "run", f"{self.run}.yaml", "--max-failed", "50"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(self.home),
+        )
+
+    def wait_for(self, what: Callable[[], bool]) -> None:
+        """Wait until something is true of the run."""
+        deadline = time.monotonic() + 120
+        while not what():
+            assert self.process.poll() is None, self.process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+
+    def end(self) -> tuple[str, str]:
+        """What it printed; a few seconds must do, and nothing is left behind."""
+        try:
+            out, err = self.process.communicate(timeout=20)
+            deadline = time.monotonic() + 20
+            while processes_of(self.home):
+                assert time.monotonic() < deadline, "processes are left"
+                time.sleep(0.1)
+        finally:
+            self.process.kill()
+        return out, err
+
+    def assert_whole(self) -> None:
+        """Nothing is half-written."""
+        for stage in self.ledger.stages():
+            for shard in self.ledger.shards(stage):
+                record = self.ledger.read(stage, shard)
+                assert record is not None
+                assert self.ledger.damaged_outputs(record) == []
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_one_signal_stops_in_good_order_and_names_the_command_that_goes_on(
+    launch: Launcher, tmp_path: Path, number: int, code: int
+) -> None:
+    started = Started(launch, tmp_path)
+    started.wait_for(lambda: bool(started.ledger.shards("ingest")))
+    started.process.send_signal(number)
+    out, err = started.end()
+    assert started.process.returncode == code, err
+    assert out == ""
+    assert re.search(r"stopped in ingest: \d+ of 17 models are committed, and stay", err), err
+    assert f"To go on: pnabs run {started.run}.yaml --max-failed 50" in err
+    assert "Traceback" not in err
+    assert not list(started.run.rglob("*.partial"))
+    assert (started.run / "quarantine/ingest.jsonl").exists()
+    started.assert_whole()
+    found = subprocess.run(
+        [*PNABS, "status", str(started.run)], capture_output=True, text=True, check=True
+    )
+    assert "running" in found.stdout.splitlines()[0]
+    assert lock.holder(started.run) is None
+
+
+def test_a_signal_while_ray_starts(launch: Launcher, tmp_path: Path) -> None:
+    started = Started(launch, tmp_path)
+    started.wait_for(lambda: bool(list(started.run.glob("events/driver/*"))))
+    time.sleep(1)
+    started.process.send_signal(signal.SIGTERM)
+    _, err = started.end()
+    assert started.process.returncode == 143, err
+    assert "stopped while Ray was starting. To go on: pnabs run" in err
+    assert "Traceback" not in err
+
+
+def test_two_signals_end_it_now(launch: Launcher, tmp_path: Path) -> None:
+    started = Started(launch, tmp_path)
+    started.wait_for(lambda: bool(started.ledger.shards("ingest")))
+    started.process.send_signal(signal.SIGINT)
+    time.sleep(0.05)
+    started.process.send_signal(signal.SIGINT)
+    started.end()
+    assert started.process.returncode == 130
+    started.assert_whole()
+
+
+def test_a_second_driver_is_told_who_holds_the_run_and_a_dead_ones_lock_is_taken(
     launch: Launcher, tmp_path: Path
 ) -> None:
-    run = tmp_path / "run"
-    launch.job(run)
-    command = [*PNABS, "run", f"{run}.yaml", "--max-failed", "50"]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(tmp_path / "home"),
-    )
-    ledger = Ledger(run)
-    deadline = time.monotonic() + 120
-    while not ledger.shards("ingest") and time.monotonic() < deadline:
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert out == ""
-    assert "To go on: pnabs run" in err
-    assert not list(run.rglob("*.partial"))
-    for shard in ledger.shards("ingest"):
-        record = ledger.read("ingest", shard)
-        assert record is not None
-        assert ledger.damaged_outputs(record) == []
+    started = Started(launch, tmp_path)
+    started.wait_for(lambda: bool(started.ledger.shards("ingest")))
+    for command in (["run", f"{started.run}.yaml"], ["verify", str(started.run)]):
+        second = subprocess.run(
+            [*PNABS, *command], env=environment(started.home), capture_output=True, text=True,
+            check=False, timeout=60,
+        )  # fmt: skip
+        assert second.returncode == 4
+        assert re.search(
+            f"{started.run} is being written by process {started.process.pid} on "
+            rf"{socket.gethostname()}, for \d+ seconds. Wait for it, or stop it and run again: "
+            "the lock goes with the process",
+            second.stderr,
+        ), second.stderr
+    started.process.kill()
+    started.end()
+    third = subprocess.run(
+        [*PNABS, "run", f"{started.run}.yaml", "--max-failed", "50", "--stages", "ingest"],
+        env=environment(started.home), capture_output=True, text=True, check=False, timeout=240,
+    )  # fmt: skip
+    assert third.returncode == 0, third.stderr
+    assert len(started.ledger.shards("ingest")) == 5
+    started.assert_whole()
 
 
 @pytest.fixture

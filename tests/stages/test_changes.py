@@ -1,0 +1,119 @@
+"""What a changed job, dataset or version asks for: said, and then done, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pnabs.settings import Settings
+from pnabs.stages.errors import RefusedError
+from pnabs.stages.identity import check_identity, given_weights
+from pnabs.stages.job import Job
+from pnabs.stages.plan import VERSIONS
+
+ALL = ("ingest", "train-positive", "difference", "train-negative", "abstract")
+
+
+def job(changes: dict[str, Any] | None = None) -> Settings:
+    tree: dict[str, Any] = {"dataset": {"root": "meshes"}, "out": "run"}
+    for key, value in (changes or {}).items():
+        *parents, last = key.split(".")
+        place = tree
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = value
+    return Settings.model_validate(tree)
+
+
+def identity(settings: Settings, **changes: Any) -> dict[str, Any]:
+    value = {
+        "settings": settings.model_dump(mode="json"),
+        "stage_versions": VERSIONS,
+        "weights": given_weights(Job(settings, {}, Path("job.yaml"))),
+    }
+    return {**value, **changes}
+
+
+def redone(before: dict[str, Any], settings: Settings) -> tuple[str, tuple[str, ...]]:
+    """The message of the refusal, and the stages that it names."""
+    with pytest.raises(RefusedError) as refused:
+        check_identity(before, settings, accept=False)
+    check_identity(before, settings, accept=True)
+    assert refused.value.exit_code == 4
+    text = str(refused.value)
+    stages = text.partition("Stages to be redone: ")[2].partition(".")[0]
+    return text, () if stages == "only the report" else tuple(stages.split(", "))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "stages"),
+    [
+        ("seed", 1, ALL),
+        ("ingest.surface_points", 77, ALL),
+        ("network.hidden", 77, ALL[1:]),
+        ("network.positives", 7, ALL[1:]),
+        ("training.epochs", 77, ALL[1:]),
+        ("network.negatives", 7, ALL[3:]),
+        ("training.losses.separation", 0.7, ALL[3:]),
+        ("difference.points_per_voxel", 7, ALL[2:]),
+        ("abstract.debris", 0.7, ALL[4:]),
+    ],
+)
+def test_a_changed_setting_redoes_what_depends_on_it(
+    key: str, value: object, stages: tuple[str, ...]
+) -> None:
+    text, named = redone(identity(job()), job({key: value}))
+    assert named == stages
+    (line,) = [line for line in text.splitlines() if key in line]
+    assert line.endswith(f"-> {value!r}")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("runtime.deadline", 7.0),
+        ("report.pictures", 1),
+        ("dataset.root", "elsewhere"),
+        ("out", "x"),
+    ],
+)
+def test_place_and_looks_may_change(key: str, value: object) -> None:
+    check_identity(identity(job()), job({key: value}), accept=False)
+
+
+@pytest.mark.parametrize("key", ["dataset.layout", "dataset.shard_size"])
+def test_what_the_folder_is_laid_out_by_cannot_change(key: str) -> None:
+    changed = job({key: "folder" if "layout" in key else 7})
+    with pytest.raises(RefusedError, match=f"Set {key} back, or give another folder"):
+        check_identity(identity(job()), changed, accept=True)
+
+
+@pytest.mark.parametrize("stage", VERSIONS)
+def test_a_newer_version_of_a_stage_redoes_what_depends_on_it(stage: str) -> None:
+    older = {**VERSIONS, stage: VERSIONS[stage] - 1}
+    text, named = redone(identity(job(), stage_versions=older), job())
+    assert f"  stage {stage}: version {VERSIONS[stage] - 1} -> {VERSIONS[stage]}" in text
+    assert named == ALL[ALL.index(stage) :]
+
+
+def test_stages_that_a_job_leaves_out_are_not_named() -> None:
+    before, after = (
+        job({"abstract.negatives": False}),
+        job({"abstract.negatives": False, "seed": 1}),
+    )
+    _, named = redone(identity(before), after)
+    assert named == ("ingest", "train-positive", "abstract")
+
+
+def test_other_weights_in_the_same_place_are_noticed(tmp_path: Path) -> None:
+    for module in ("positive", "negative"):
+        (tmp_path / f"{module}.safetensors").write_bytes(b"weights")
+    given = job({"weights": str(tmp_path)})
+    before = identity(given)
+    check_identity(before, given, accept=False)
+    (tmp_path / "negative.safetensors").write_bytes(b"others")
+    text, named = redone(before, given)
+    assert "  weights main/negative: other content than before" in text
+    assert named == ("abstract",)
