@@ -33,6 +33,12 @@ class ShardsFailedError(RunError):
     exit_code = 3
 
 
+class TrainingError(RunError):
+    """Training failed or got nowhere; running again goes on from the last checkpoint."""
+
+    exit_code = 3
+
+
 class StorageError(RunError):
     """The run folder can't be written any more; running again resumes."""
 

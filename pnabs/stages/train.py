@@ -9,24 +9,20 @@ from typing import Any
 
 from pnabs.stages import plans, train_state
 from pnabs.stages.context import Context
-from pnabs.stages.errors import InterruptedRunError, RunError, ShardsFailedError, UsageError
+from pnabs.stages.errors import InterruptedRunError, RunError, TrainingError, UsageError
 from pnabs.stages.phases import (
-    CURVES,
     RECORD,
-    WEIGHTS,
     PhasePlan,
     damaged_files,
     is_done,
     phase_plans,
     source_stage,
 )
-from pnabs.stages.plan import recipe_digest
+from pnabs.stages.progress import Tracker
 from pnabs.stages.sharded import pending
 from pnabs.stages.train_loop import train_loop
-from pnabs.store.atomic import file_digest, write_atomic
 from pnabs.store.events import EventTail
 from pnabs.store.run import RunFolder
-from pnabs.store.sealed import seal
 
 POLL_SECONDS = 0.3
 QUIET_SECONDS = 60.0
@@ -55,7 +51,7 @@ def run(context: Context, variant: str, module: str) -> None:
     todo = []
     for plan in phase_plans(context, variant, module):
         if is_done(plan):
-            # A driver killed just after the record was written left it behind.
+            # A worker killed just after it wrote the record left it behind.
             train_state.drop(plan.folder)
         else:
             todo.append(plan)
@@ -64,8 +60,13 @@ def run(context: Context, variant: str, module: str) -> None:
     _check_complete(context, variant, module)
     context.start_ray()
     _check_resources(todo[0])
-    for plan in todo:
-        _train(context, plan)
+    if not todo[0].models.count:
+        what = "shape" if module == "positive" else "shape with a difference volume"
+        raise RunError(
+            f"train-{module}: there is no {what} in the training split; "
+            "check dataset.split, or give trained weights with `weights:`"
+        )
+    _train(context, todo)
 
 
 def _check_complete(context: Context, variant: str, module: str) -> None:
@@ -101,52 +102,71 @@ def _check_resources(plan: PhasePlan) -> None:
         )
 
 
-def _train(context: Context, plan: PhasePlan) -> None:
+def _train(context: Context, todo: list[PhasePlan]) -> None:
+    """Train phases one after the other in one group of workers."""
+    import ray
+
+    for plan in todo:
+        _begin(context, plan)
+    # Before anything is told of: the second phase begins when the driver may not be looking.
+    watches = [_Watch(context, plan) for plan in todo]
+    # A task of its own keeps the driver light, and can be cancelled: Ray Train then ends its
+    # workers and gives back their CPUs, which killing it would not.
+    fitting = ray.remote(num_cpus=0, max_retries=0)(_fit).remote(todo, context.token)
+    for plan, watch in zip(todo, watches, strict=True):
+        context.events("phase-start", stage=f"train-{plan.module}", phase=plan.name)
+        epochs = plan.job.training.epochs
+        with context.reporter.track(f"train {plan.name}", epochs, "epochs") as tracker:
+            _follow(context, plan, fitting, watch, tracker)
+            tracker.update(epochs)
+        context.events("phase-end", stage=f"train-{plan.module}", phase=plan.name)
+    _result(fitting, todo[-1])
+    shutil.rmtree(context.run.scratch, ignore_errors=True)
+
+
+def _follow(
+    context: Context, plan: PhasePlan, fitting: Any, watch: _Watch, tracker: Tracker
+) -> None:
+    """Tell of a phase until its record is there."""
+    import ray
+
+    watch.begin()
+    while not watch.ended:
+        if ray.wait([fitting], timeout=POLL_SECONDS)[0]:
+            _result(fitting, plan)
+            if not is_done(plan):
+                raise TrainingError(f"training {plan.name} ended without a record of it")
+            return
+        epoch = watch.look()
+        if epoch is not None:
+            tracker.update(epoch["epoch"] + 1, f"loss={epoch['total']:.5f}")
+        signal_number = context.interrupted()
+        if signal_number is None and not watch.lost:
+            continue
+        ray.cancel(fitting, force=False, recursive=False)
+        ray.wait([fitting], timeout=0 if context.owns_ray() else CANCEL_SECONDS)
+        if signal_number is None:
+            raise TrainingError(
+                f"training {plan.name} got nowhere: {watch.words}. It goes on from its last "
+                "checkpoint when the command is run again."
+            )
+        raise InterruptedRunError(
+            f"stopped in phase {plan.name}; it goes on from its last checkpoint",
+            128 + signal_number,
+        )
+
+
+def _result(fitting: Any, plan: PhasePlan) -> None:
     import ray
     from ray.exceptions import RayError
 
-    if not plan.models.count:
-        what = "shape" if plan.module == "positive" else "shape with a difference volume"
-        raise RunError(
-            f"train-{plan.module}: there is no {what} in the training split; "
-            "check dataset.split, or give trained weights with `weights:`"
-        )
-    _begin(context, plan)
-    epochs = plan.job.training.epochs
-    context.events("phase-start", stage=f"train-{plan.module}", phase=plan.name)
-    # A task of its own keeps the driver light, and can be cancelled: Ray Train then ends its
-    # workers and gives back their CPUs, which killing it would not.
-    fitting = ray.remote(num_cpus=0, max_retries=0)(_fit).remote(plan, context.token)
-    with context.reporter.track(f"train {plan.name}", epochs, "epochs") as tracker:
-        watch = _Watch(context, plan)
-        while not ray.wait([fitting], timeout=POLL_SECONDS)[0]:
-            epoch = watch.look()
-            if epoch is not None:
-                tracker.update(epoch["epoch"] + 1, f"loss={epoch['total']:.5f}")
-            signal_number = context.interrupted()
-            if signal_number is None and not watch.lost:
-                continue
-            ray.cancel(fitting, force=False, recursive=False)
-            ray.wait([fitting], timeout=0 if context.owns_ray() else CANCEL_SECONDS)
-            if signal_number is None:
-                raise ShardsFailedError(
-                    f"training {plan.name} got nowhere: {watch.words}. It goes on from its last "
-                    "checkpoint when the command is run again."
-                )
-            raise InterruptedRunError(
-                f"stopped in phase {plan.name}; it goes on from its last checkpoint",
-                128 + signal_number,
-            )
-        try:
-            ray.get(fitting)
-        except RayError as error:
-            raise ShardsFailedError(
-                f"training {plan.name} failed: {_cause(error)}\n"
-                "It goes on from its last checkpoint when the command is run again."
-            ) from error
-        tracker.update(epochs)
-    _finish(plan)
-    context.events("phase-end", stage=f"train-{plan.module}", phase=plan.name)
+    try:
+        ray.get(fitting)
+    except RayError as error:
+        raise TrainingError(
+            f"training {plan.name} failed: {_cause(error)}\n"
+            "It goes on from its last checkpoint when the command is run again."
+        ) from error
 
 
 def _begin(context: Context, plan: PhasePlan) -> None:
@@ -172,7 +192,11 @@ class _Watch:
         self._tail = EventTail(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-*")
         self._moved = self._told = time.monotonic()
         self._last = "its workers have not told of anything yet"
-        self.lost = False
+        self.lost = self.ended = False
+
+    def begin(self) -> None:
+        """Count the time without a word from now on."""
+        self._moved = self._told = time.monotonic()
 
     @property
     def words(self) -> str:
@@ -189,6 +213,7 @@ class _Watch:
             self._last = f"last heard from {event['host']} ({event['pid']}): {what}"
             if event["event"] == "epoch":
                 epoch = event
+            self.ended |= event["event"] == "finished"
         idle = now - self._moved
         if idle > QUIET_SECONDS and now - self._told > QUIET_SECONDS:
             self._told = now
@@ -211,11 +236,12 @@ def _cause(error: BaseException) -> str:
     return f"{type(cause).__name__}: {lines[-1] if lines else ''}"
 
 
-def _fit(plan: PhasePlan, token: str) -> None:
+def _fit(todo: list[PhasePlan], token: str) -> None:
     import ray
     from ray.train import FailureConfig, RunConfig, ScalingConfig
     from ray.train.torch import TorchConfig, TorchTrainer
 
+    plan = todo[0]
     runtime, workers = plan.job.runtime, plan.job.training.workers
     available: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
     gpu = runtime.device == "cuda" or (
@@ -226,14 +252,14 @@ def _fit(plan: PhasePlan, token: str) -> None:
         resources["GPU"] = 1
     TorchTrainer(
         train_loop,
-        train_loop_config={"plan": plan, "gpu": gpu, "token": token},
+        train_loop_config={"plans": todo, "gpu": gpu, "token": token},
         scaling_config=ScalingConfig(
             num_workers=workers, use_gpu=gpu, resources_per_worker=resources
         ),
         torch_config=TorchConfig(backend="nccl" if gpu else "gloo"),
         # A name of its own each time: what Ray Train would resume from is not ours.
         run_config=RunConfig(
-            name=f"{plan.name}-{secrets.token_hex(4)}",
+            name=f"{plan.module}-{secrets.token_hex(4)}",
             storage_path=str(RunFolder(plan.home.run).scratch),
             failure_config=FailureConfig(
                 max_failures=FAILURES,
@@ -241,20 +267,3 @@ def _fit(plan: PhasePlan, token: str) -> None:
             ),
         ),
     ).fit()
-
-
-def _finish(plan: PhasePlan) -> None:
-    """Write the record over weights and curves; the state under way is needed no more."""
-    record = {
-        "format": "pnabs/phase",
-        "version": 2,
-        "phase": plan.name,
-        "fingerprint": plan.fingerprint,
-        "recipe": recipe_digest(f"train-{plan.module}", plan.job),
-        "models": plan.models.count,
-        "epochs": plan.job.training.epochs,
-        "outputs": {name: file_digest(plan.folder / name) for name in (WEIGHTS, CURVES)},
-    }
-    write_atomic(plan.folder / RECORD, seal(record))
-    train_state.drop(plan.folder)
-    shutil.rmtree(RunFolder(plan.home.run).scratch, ignore_errors=True)

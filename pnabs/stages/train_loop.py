@@ -3,51 +3,101 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from pnabs.stages.phases import CURVES, WEIGHTS, PhasePlan
-from pnabs.stages.train_state import read_state, save_state
+from pnabs.stages.phases import CURVES, RECORD, WEIGHTS, PhasePlan, is_done
+from pnabs.stages.plan import recipe_digest
+from pnabs.stages.train_state import drop, read_state, save_state
 from pnabs.stages.training_data import load_training_set
-from pnabs.store.atomic import digest, pretty_json, write_atomic
+from pnabs.store.atomic import digest, file_digest, pretty_json, write_atomic
 from pnabs.store.events import EventLog
 from pnabs.store.lock import check_held
 from pnabs.store.run import RunFolder
+from pnabs.store.sealed import seal
+
+if TYPE_CHECKING:
+    import torch
+
+    from pnabs.model.data import TrainingSet
+    from pnabs.model.network import CuboidNetwork
+
+T = TypeVar("T")
 
 ALIVE_SECONDS = 10.0
 """Time between a worker's signs of life."""
 
 
 def train_loop(config: dict[str, Any]) -> None:
-    """One worker's part of a phase; runs in a process of Ray Train."""
-    import resource
-
+    """One worker's part of a module's phases; runs in a process of Ray Train."""
     import ray.train
     import torch
     from ray.train.torch import get_device
+
+    plans: list[PhasePlan] = config["plans"]
+    job = plans[0].job
+    worker = ray.train.get_context()
+    place = _Place(
+        worker.get_world_rank(),
+        worker.get_world_size(),
+        get_device() if config["gpu"] else torch.device("cpu"),
+        config["token"],
+    )
+    torch.set_num_threads(job.runtime.threads)
+    dataset = None
+    for plan in plans:
+        # Where the workers were started again, the first may be done; all must see it so.
+        if place.agree(is_done(plan)):
+            continue
+        events = EventLog(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-{place.rank}")
+        alive = _Alive(events, plan.name)
+        if dataset is None:
+            dataset = load_training_set(
+                RunFolder(job.out), plan.volumes, job, plan.module, plan.models,
+                rank=place.rank, world=place.world, on_shard=alive.reading,
+            )  # fmt: skip
+        events("data", phase=plan.name, models=len(dataset), bytes=dataset.nbytes)
+        _train_phase(plan, dataset, place, events, alive)
+        events.close()
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Which worker this is, among how many, on what device, and for which driver."""
+
+    rank: int
+    world: int
+    device: torch.device
+    token: str
+
+    def agree(self, value: T) -> T:
+        """What the first worker found, for all."""
+        import torch
+
+        found = [value]
+        if self.world > 1:
+            torch.distributed.broadcast_object_list(found, device=self.device)
+        return found[0]
+
+
+def _train_phase(
+    plan: PhasePlan, dataset: TrainingSet, place: _Place, events: EventLog, alive: _Alive
+) -> None:
+    import resource
+
+    import torch
     from torch.nn.parallel import DistributedDataParallel
 
-    from pnabs.model.checkpoint import load_network, load_training, save_network
+    from pnabs.model.checkpoint import load_network, load_training
     from pnabs.model.network import CuboidNetwork
     from pnabs.model.objective import Objective, make_optimizer
     from pnabs.model.start import start_points
     from pnabs.model.trainer import epoch_order, train_epoch
 
-    plan: PhasePlan = config["plan"]
     job, training = plan.job, plan.job.training
-    worker = ray.train.get_context()
-    rank, world = worker.get_world_rank(), worker.get_world_size()
-    torch.set_num_threads(job.runtime.threads)
-    device = get_device() if config["gpu"] else torch.device("cpu")
-    events = EventLog(plan.home.run, f"train-{plan.name}-{plan.fingerprint[:8]}-{rank}")
+    rank, world, device = place.rank, place.world, place.device
     seed = int(digest([job.seed, plan.name])[:8], 16)
-    alive = _Alive(events, plan.name)
-    dataset = load_training_set(
-        RunFolder(job.out), plan.volumes, job, plan.module, plan.models,
-        rank=rank, world=world, on_shard=lambda shard: alive(f"reading {shard}"),
-    )  # fmt: skip
-    events("data", phase=plan.name, models=len(dataset), bytes=dataset.nbytes)
-
     torch.manual_seed(seed)
     if plan.inherits is None:
         total = torch.from_numpy(dataset.mean_occupancy()).to(device)
@@ -62,14 +112,11 @@ def train_loop(config: dict[str, Any]) -> None:
     objective = Objective(network.to(device), plan.module, plan.phase, training)  # type: ignore[arg-type]
     optimizer = make_optimizer(objective, training)
 
-    # What one worker finds, all take: they must begin at the same epoch.
-    found = [read_state(plan.folder) if rank == 0 else None]
-    if world > 1:
-        torch.distributed.broadcast_object_list(found, device=device)
     first, curves = 0, []
-    if found[0] is not None:
-        first = load_training(plan.folder / found[0].file, network, optimizer)
-        curves = found[0].curves
+    state = place.agree(read_state(plan.folder))
+    if state is not None:
+        first = load_training(plan.folder / state.file, network, optimizer)
+        curves = state.curves
     wrapped = DistributedDataParallel(objective) if world > 1 else objective
     for epoch in range(first, training.epochs):
         order = epoch_order(len(dataset), epoch, seed + rank)
@@ -89,15 +136,38 @@ def train_loop(config: dict[str, Any]) -> None:
         last = epoch + 1 == training.epochs
         if not last and (epoch + 1) % job.runtime.checkpoint_epochs == 0:
             # One that outlived its driver must not write between its successor's files.
-            check_held(plan.home.run, config["token"])
+            check_held(plan.home.run, place.token)
             save_state(plan.folder, network, optimizer, epoch + 1, curves)
     if rank == 0:
-        check_held(plan.home.run, config["token"])
-        save_network(plan.folder / WEIGHTS, network)
-        write_atomic(plan.folder / CURVES, pretty_json(curves))
+        check_held(plan.home.run, place.token)
+        _finish(plan, network, curves)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     events("end", phase=plan.name, models=len(dataset), peak_memory=peak)
-    events.close()
+    if world > 1:
+        # The next phase begins from the weights that the first worker has written.
+        torch.distributed.barrier()
+    if rank == 0:
+        events("finished", phase=plan.name)
+
+
+def _finish(plan: PhasePlan, network: CuboidNetwork, curves: list[dict[str, Any]]) -> None:
+    """Write weights and curves, then the record over them; the state is needed no more."""
+    from pnabs.model.checkpoint import save_network
+
+    save_network(plan.folder / WEIGHTS, network)
+    write_atomic(plan.folder / CURVES, pretty_json(curves))
+    record = {
+        "format": "pnabs/phase",
+        "version": 2,
+        "phase": plan.name,
+        "fingerprint": plan.fingerprint,
+        "recipe": recipe_digest(f"train-{plan.module}", plan.job),
+        "models": plan.models.count,
+        "epochs": plan.job.training.epochs,
+        "outputs": {name: file_digest(plan.folder / name) for name in (WEIGHTS, CURVES)},
+    }
+    write_atomic(plan.folder / RECORD, seal(record))
+    drop(plan.folder)
 
 
 class _Alive:
@@ -105,6 +175,10 @@ class _Alive:
 
     def __init__(self, events: EventLog, phase: str) -> None:
         self._events, self._phase, self._told = events, phase, 0.0
+
+    def reading(self, shard: str) -> None:
+        """Tell of a shard that is read."""
+        self(f"reading {shard}")
 
     def step(self, epoch: int, step: int, steps: int) -> None:
         """Tell of a training step."""

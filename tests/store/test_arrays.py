@@ -60,7 +60,9 @@ def test_growing_leaves_shards_alone(store: CategoryArrays) -> None:
     np.testing.assert_array_equal(store.read_shard("chair", 4, "bits", 3), rows(3, 2)["bits"])
 
 
-def test_what_has_another_shape_is_never_read_as_the_new(store: CategoryArrays, tmp_path: Path) -> None:
+def test_what_has_another_shape_is_never_read_as_the_new(
+    store: CategoryArrays, tmp_path: Path
+) -> None:
     store.write_shard("chair", 0, rows(16))
     specs = (SPECS[0], ArraySpec("points", (7, 3), "f4"))
     wider = CategoryArrays(tmp_path / "s.zarr", tmp_path, specs, SIZE)

@@ -39,12 +39,18 @@ def environment(home: Path) -> dict[str, str]:
 
 
 def processes_of(home: Path) -> list[int]:
-    """Processes that were started with this home: a command's, Ray's, workers'."""
+    """Processes that were started with this home: a command's, workers', Ray's.
+
+    Not Ray's own two agents: when the rest was killed they try for a minute to tell so.
+    """
     found = []
     mark = f"HOME={home}".encode()
     for path in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):
-            if mark in path.read_bytes().split(b"\0"):
+            agent = re.match(
+                rb"ray::(DashboardAgent|RuntimeEnvAgent)", (path.parent / "cmdline").read_bytes()
+            )
+            if not agent and mark in path.read_bytes().split(b"\0"):
                 found.append(int(path.parent.name))
     return found
 

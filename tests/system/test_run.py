@@ -134,7 +134,7 @@ def test_interrupted_and_run_again_equals_never_interrupted(
     monkeypatch.setattr("pnabs.stages.run.Interrupts", StopAfter)
     stops = []
     # Early in ingest, then a little further each time: within shards, phases and stages.
-    for patience in (2, 9, 25, 60):
+    for patience in (2, 40):
         StopAfter.left = patience
         with pytest.raises(InterruptedRunError, match="To go on: pnabs run job.yaml") as stopped:
             launch(run)
@@ -224,6 +224,30 @@ def test_added_models_are_refused_then_get_shards_of_their_own(
     for name in theirs:
         if name.startswith("ledger/ingest/"):
             assert ours[name] == theirs[name]
+
+
+def test_added_models_without_training_again(
+    finished: tuple[Path, Result], launch: Launcher, samples: Path, tmp_path: Path
+) -> None:
+    run, data = tmp_path / "copy", tmp_path / "data"
+    shutil.copytree(finished[0], run)
+    shutil.copytree(samples, data)
+    source = next((data / "02828884").iterdir())
+    shutil.copytree(source, data / "02828884" / ("0" * 32))
+    more = Launcher(data)
+    before = [event["event"] for event in read_events(run)].count("phase-start")
+    more(run, accept=True, keep_weights=True)
+    # Kept for good, not only this once.
+    more(run)
+    events = list(read_events(run))
+    assert [event["event"] for event in events].count("phase-start") == before
+    ours, theirs = tree(run), tree(finished[0])
+    assert f"variants/main/abstractions/02828884/{'0' * 32}/abstraction.glb" in ours
+    for name in theirs:
+        if "checkpoints" in name or "abstractions" in name or name.startswith("ledger/abstract"):
+            assert ours[name] == theirs[name], name
+    with pytest.raises(UsageError, match="has no finished weights of these settings"):
+        more(run, "training.epochs=5", accept=True, keep_weights=True)
 
 
 def test_edited_models_are_noticed_by_their_content(

@@ -112,9 +112,13 @@ def test_the_next_run_redoes_just_what_was_damaged(
     assert events(copy, "phase-start", "phase")[len(trained) :] == ["negative-refinement"]
 
 
+LONGER = "training.epochs=40"
+TRAIN = ("scan", "ingest", "train-positive")
+
+
 @pytest.fixture
 def under_way(launch: Launcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A run that was stopped in its first phase, after its second checkpoint."""
+    """A run that was stopped in its first phase, after some checkpoints."""
     from pnabs.stages.interrupts import Interrupts
 
     run = tmp_path / "under-way"
@@ -130,12 +134,12 @@ def under_way(launch: Launcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with monkeypatch.context() as once:
         once.setattr("pnabs.stages.run.Interrupts", Stop)
         with pytest.raises(InterruptedRunError, match="phase positive-initial"):
-            launch(run)
+            launch(run, LONGER, stages=TRAIN)
     return run
 
 
 def test_a_damaged_checkpoint_costs_its_phase(
-    finished: tuple[Path, Result], launch: Launcher, under_way: Path, tmp_path: Path
+    launch: Launcher, under_way: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (state,) = files(under_way, "variants/main/checkpoints/positive-initial/*/state.json")
     (checkpoint,) = files(under_way, "variants/main/checkpoints/positive-initial/*/epoch-*")
@@ -154,8 +158,19 @@ def test_a_damaged_checkpoint_costs_its_phase(
             assert not list(spoilt.parent.iterdir())
     # Without verify, too: the run notices, says so, and trains the phase again.
     damage(checkpoint, "flip")
-    launch(under_way)
-    assert tree(under_way) == tree(finished[0])
+    before = len(epochs(under_way))
+    launch(under_way, LONGER, stages=TRAIN)
+    assert (
+        f"{checkpoint.name} is missing or damaged; the phase begins again"
+        in capsys.readouterr().err
+    )
+    assert epochs(under_way)[before:] == list(range(40))
+
+
+def epochs(run: Path) -> list[int]:
+    """The first phase's epochs in the order in which they were trained."""
+    (folder,) = run.glob("events/train-positive-initial-*-0")
+    return [e["epoch"] for e in read_events(run, folder.name) if e["event"] == "epoch"]
 
 
 @pytest.mark.parametrize("how", DAMAGES)
