@@ -7,6 +7,7 @@ comes to the point for the NUMBER-th time.  Points:
     before:<glob>, after:<glob>   a file whose path matches is given its name
     begun:<stage>                 a worker was given a shard
     epoch:<phase>                 the driver hears of an epoch
+    event:<event>/<phase>         the driver has noted an event
     ray                           Ray is up
 """
 
@@ -142,6 +143,17 @@ class Killer:
                 return epoch
 
             install("pnabs.stages.train._Watch.look", looked)
+        elif self._kind == "event":
+            from pnabs.store.events import EventLog
+
+            note = EventLog.__call__
+
+            def noted(log: Any, event: str, **values: Any) -> None:
+                note(log, event, **values)
+                if f"{event}/{values.get('phase')}" == self._what:
+                    self._reached()
+
+            install("pnabs.store.events.EventLog.__call__", noted)
         elif self._kind == "ray":
             self._around("pnabs.batch.ray_executor.RayExecutor.__init__", lambda *_: "")
         else:
