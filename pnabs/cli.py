@@ -137,7 +137,7 @@ def retry(
     """
     from pnabs.stages.progress import Reporter
     from pnabs.stages.retry import retry as again
-    from pnabs.stages.run import Options
+    from pnabs.stages.run import Options, Retry
 
     with _errors():
         options = Options(
@@ -147,10 +147,7 @@ def retry(
             command=shlex.join(["pnabs", *sys.argv[1:]]),
         )
         with contextlib.redirect_stdout(sys.stderr):
-            result = again(run, stage, kind, overrides, options, Reporter())
-    if result is None:
-        click.echo("no model in quarantine is of that kind; nothing to do", err=True)
-        return
+            result = again(run, Retry(stage, kind), overrides, options, Reporter())
     _finish(result)
 
 
@@ -227,10 +224,11 @@ def verify(run: Path) -> None:
 
     if not run.is_dir():
         raise click.BadParameter(f"there is no folder {run}", param_hint="RUN")
+    damaged = 0
     with _errors(), held(run):
-        damaged = read_back(RunFolder(run), Reporter())
-    for line in damaged:
-        click.echo(line)
+        for line in read_back(RunFolder(run), Reporter()):
+            click.echo(line)
+            damaged += 1
     if damaged:
         _fail("damage found; the next `pnabs run` does what it touches again", DAMAGE_EXIT_CODE)
 
@@ -308,7 +306,7 @@ def _stages(text: str | None) -> tuple[str, ...]:
 def _errors() -> Iterator[None]:
     """The known errors as messages with their exit codes; any other is a bug, exit code 1."""
     from pnabs.dataset.errors import DatasetError
-    from pnabs.stages.errors import RunError
+    from pnabs.stages.errors import RunError, is_storage, storage_message
     from pnabs.stages.job import JobError
     from pnabs.store.errors import DamagedDataError
     from pnabs.store.ledger import LedgerError
@@ -324,6 +322,12 @@ def _errors() -> Iterator[None]:
         _fail(str(error), 4)
     except DamagedDataError as error:
         _fail(str(error), 5)
+    except OSError as error:
+        if not is_storage(error):
+            raise
+        _fail(storage_message(error), 3)
+    except KeyboardInterrupt:
+        _fail("stopped", 130)
 
 
 def _fail(message: str, code: int) -> NoReturn:

@@ -22,7 +22,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from pnabs.batch.work import InvalidInput, Outcome, Unavailable, WorkerLimits
 
@@ -56,9 +56,7 @@ class IsolatedChild:
         self._process: Any = None
         self._connection: multiprocessing.connection.Connection | None = None
         # The child's last words: which line hung or crashed.
-        descriptor, name = tempfile.mkstemp(prefix="pnabs-stack-")
-        os.close(descriptor)
-        self._stack = Path(name)
+        self._words: IO[bytes] | None = None
 
     def run(self, model_id: str, payload: Any) -> Outcome:
         """One model's outcome.
@@ -76,7 +74,8 @@ class IsolatedChild:
             if not connection.poll(deadline + GRACE_SECONDS):
                 raise TimeoutError
             kind, value, reason, trace = connection.recv()
-        except (EOFError, ConnectionError, TimeoutError):
+        except (EOFError, OSError):
+            # OSError too, where it died while it sent its result.
             # The child's own timer ends it at the deadline, at once or a moment later.
             late = time.monotonic() - started >= deadline
             process = self._process
@@ -96,27 +95,31 @@ class IsolatedChild:
     def close(self) -> None:
         """End the child for good."""
         self._end()
-        self._stack.unlink(missing_ok=True)
 
     def _started(self) -> multiprocessing.connection.Connection:
         """A connection to a new child that is ready for work."""
-        connection = self._start()
+        # Named until the child has opened it, so that nothing is left wherever this ends.
+        descriptor, name = tempfile.mkstemp(prefix="pnabs-stack-")
+        self._words = os.fdopen(descriptor, "rb")
+        connection = self._start(Path(name))
         try:
             if connection.poll(START_SECONDS):
                 connection.recv()
                 return connection
             reason = f"none is ready after {START_SECONDS:g} s"
-        except (EOFError, ConnectionError):
+        except (EOFError, OSError):
             self._process.join(GRACE_SECONDS)
             reason = _exit_reason(self._process.exitcode)
+        finally:
+            Path(name).unlink(missing_ok=True)
         stack = self._end().strip()
         raise Unavailable(f"a child process can't be started: {reason} {stack}".strip())
 
-    def _start(self) -> multiprocessing.connection.Connection:
+    def _start(self, stack: Path) -> multiprocessing.connection.Connection:
         ours, theirs = self._context.Pipe()
         self._process = self._context.Process(
             target=_serve,
-            args=(theirs, self._task, self._limits, self._stack),
+            args=(theirs, self._task, self._limits, stack),
             daemon=True,
         )
         with _main_hidden():
@@ -134,8 +137,11 @@ class IsolatedChild:
         if self._connection is not None:
             self._connection.close()
         self._process = self._connection = None
-        stack = self._stack.read_text(errors="replace")
-        self._stack.write_bytes(b"")
+        stack = ""
+        if self._words is not None:
+            stack = self._words.read().decode(errors="replace")
+            self._words.close()
+            self._words = None
         # Thread ids differ from run to run, and records must not.
         return re.sub(r"0x[0-9a-f]{8,}", "0x…", stack)[-4000:]
 

@@ -72,9 +72,9 @@ class InlineExecutor:
         """Shards one after another."""
         worker = ShardWorker(work, self._limits)
         try:
-            where = worker.check()
+            worker.check()
             for shard in shards:
-                watcher.started(shard, where)
+                watcher.started(shard, worker.where)
                 try:
                     result: ShardDone | ShardFailed = worker.run(shard, _Through(watcher))
                 except _Stopped as stopped:

@@ -18,6 +18,7 @@ from typing import Any
 
 import ray
 from ray.exceptions import RayError, RayTaskError
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from pnabs.batch.child import GRACE_SECONDS
 from pnabs.batch.executor import ShardDone, ShardFailed, Watcher, describe, full_or_readonly
@@ -66,7 +67,7 @@ class RayExecutor:
         if "NUMBA_CACHE_DIR" in os.environ:
             env["NUMBA_CACHE_DIR"] = os.environ["NUMBA_CACHE_DIR"]
         # The second thread of an actor tells what the first is at.
-        self._worker: Any = ray.remote(ShardWorker).options(
+        self._worker: Any = ray.remote(_Worker).options(
             num_cpus=threads, max_restarts=0, max_concurrency=2, runtime_env={"env_vars": env}
         )
 
@@ -84,6 +85,14 @@ class RayExecutor:
         yield from _Floor(self._worker, work, self._limits, shards, count, watcher).run()
 
 
+class _Worker(ShardWorker):
+    """A worker that knows the node it is on."""
+
+    def place(self) -> tuple[str, str]:
+        """Host and process, and the node's id; whatever the worker sees or doesn't."""
+        return self.where, ray.get_runtime_context().get_node_id()
+
+
 @dataclass(eq=False, slots=True)
 class _Seat:
     """One worker's place: its actor, the call in flight, and what it was last seen at.
@@ -91,15 +100,22 @@ class _Seat:
     Attributes
     ----------
     call
-        `check` of a new worker, `run` of a shard, or `check` after a shard failed; None when the
-        worker is free or left out.
+        `place` and then `check` of a new worker, `run` of a shard, or `check` after a shard failed;
+        None when the worker is free or left out.
+    deaths
+        How many workers died in this place while they started.
+    ready
+        Whether the worker has been seen to see what it needs.
     failure
         Why the shard failed, while the worker is looked at.
     """
 
     actor: Any
     call: Any
+    deaths: int = 0
     where: str = ""
+    node: str = ""
+    ready: bool = False
     shard: str | None = None
     failure: BaseException | None = None
     left_out: str = ""
@@ -109,7 +125,7 @@ class _Seat:
 
     @property
     def starting(self) -> bool:
-        return self.call is not None and not self.where
+        return self.call is not None and not self.ready
 
     def free(self) -> None:
         self.call = self.shard = self.failure = self.activity = None
@@ -135,7 +151,6 @@ class _Floor:
         self._worker, self._work, self._limits, self._watcher = worker, work, limits, watcher
         self._waiting = deque(shards)
         self._leases: Counter[str] = Counter()
-        self._died_at_start = 0
         self._moved = self._told = time.monotonic()
         self._seats = [self._new_seat() for _ in range(count)]
 
@@ -153,9 +168,14 @@ class _Floor:
             for seat in self._seats:
                 ray.kill(seat.actor)
 
-    def _new_seat(self) -> _Seat:
-        actor = self._worker.remote(self._work, self._limits)
-        return _Seat(actor, actor.check.remote(), moved=time.monotonic())
+    def _new_seat(self, deaths: int = 0, node: str | None = None) -> _Seat:
+        """A new worker, wherever Ray puts it or on a given node."""
+        worker = self._worker
+        if node is not None:
+            where = NodeAffinitySchedulingStrategy(node, soft=False)
+            worker = worker.options(scheduling_strategy=where)
+        actor = worker.remote(self._work, self._limits)
+        return _Seat(actor, actor.place.remote(), deaths, node=node or "", moved=time.monotonic())
 
     def _lease(self) -> None:
         for seat in self._seats:
@@ -185,9 +205,13 @@ class _Floor:
         except RayError as error:
             yield from self._replace(seat, _death(error))
         else:
+            if not seat.where:
+                seat.where, seat.node = answer
+                seat.call = seat.actor.check.remote()
+                return
+            seat.ready = True
             if shard is None:
-                seat.where = answer
-                self._died_at_start = 0
+                pass
             elif failure is not None:
                 yield ShardFailed(shard, f"{describe(failure)} (on {seat.where})")
             else:
@@ -195,14 +219,25 @@ class _Floor:
             seat.free()
 
     def _leave_out(self, seat: _Seat, reason: str) -> Iterator[ShardFailed]:
-        """Give no more work to a worker that doesn't see what it needs; it keeps its place."""
+        """Give no more work to a worker that doesn't see what it needs.
+
+        It keeps its place, so that Ray puts no other there; a new one is tried on a node that
+        hasn't been found wanting.
+        """
         shard, seat.left_out = seat.shard, reason
         seat.free()
-        hopeless = all(other.left_out for other in self._seats)
+        blind = {other.node for other in self._seats if other.left_out}
+        others = [node["NodeID"] for node in _nodes() if node["NodeID"] not in blind
+                  and node["Resources"].get("CPU", 0) > 0]  # fmt: skip
+        working = sum(not other.left_out for other in self._seats)
+        if others and not working:
+            self._seats.append(self._new_seat(node=others[0]))
+        hopeless = not others and not working
         if shard is not None:
             if hopeless:
                 yield ShardFailed(shard, reason)
             else:
+                self._leases[shard] -= 1
                 self._waiting.appendleft(shard)
         if hopeless:
             raise Unavailable(reason)
@@ -212,10 +247,12 @@ class _Floor:
     def _replace(self, seat: _Seat, reason: str) -> Iterator[ShardFailed]:
         """Put a new worker in the place of one that is gone; its shard is leased again."""
         shard = seat.shard
+        deaths = seat.deaths + 1 if shard is None else 0
+        if deaths >= LEASES:
+            yield from self._leave_out(seat, f"{deaths} workers died while they started: {reason}")
+            return
         if shard is None:
-            self._died_at_start += 1
-            if self._died_at_start >= LEASES * len(self._seats):
-                raise Unavailable(f"workers die while they start: {reason}")
+            pass
         elif self._leases[shard] >= LEASES:
             yield ShardFailed(
                 shard, f"its workers were lost {LEASES} times, the last on {seat.where}: {reason}"
@@ -228,7 +265,7 @@ class _Floor:
             )
         # One that is only out of reach must not go on beside its successor.
         ray.kill(seat.actor)
-        self._seats[self._seats.index(seat)] = self._new_seat()
+        self._seats[self._seats.index(seat)] = self._new_seat(deaths)
 
     def _look_round(self) -> Iterator[ShardFailed]:
         """Ask what everyone is at, tell the user when nothing moves, give up who gets nowhere."""

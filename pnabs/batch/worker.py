@@ -57,12 +57,13 @@ class ShardWorker:
         self._work = work
         runner = IsolatedChild if limits.isolated else InProcess
         self._child = runner(work.task, limits, work.preload)
+        self.where = f"{socket.gethostname()} ({os.getpid()})"
         self._ready = False
         self._models = 0
         self._at("", "waiting for a shard")
 
-    def check(self) -> str:
-        """See whether the worker can do its work; returns where it is, `host (pid)`.
+    def check(self) -> None:
+        """See whether the worker can do its work.
 
         Raises
         ------
@@ -70,7 +71,6 @@ class ShardWorker:
             When it can't, saying what is out of reach.
         """
         self._work.check()
-        return f"{socket.gethostname()} ({os.getpid()})"
 
     def run(self, shard: str, on_model: Callable[[int], None] | None = None) -> ShardDone:
         """Process every model of a shard and write the results.

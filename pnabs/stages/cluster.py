@@ -15,6 +15,9 @@ from pnabs.stages.errors import RefusedError
 LOCAL_OBJECT_STORE = 256 * 2**20
 """Bytes of the object store on one machine: only small results travel through it."""
 
+ANSWER_SECONDS = 60.0
+"""What a node may take to look for the run folder."""
+
 
 @contextmanager
 def ray_session(address: str | None, run: Path) -> Iterator[bool]:
@@ -70,12 +73,26 @@ def ray_session(address: str | None, run: Path) -> Iterator[bool]:
         ray.shutdown()
 
 
+def _answer(reference: Any) -> str:
+    """What a node says by now; a disk that hangs says nothing."""
+    import ray
+    from ray.exceptions import GetTimeoutError, RayError
+
+    try:
+        answer: str = ray.get(reference, timeout=0)
+    except GetTimeoutError:
+        return f"no answer within {ANSWER_SECONDS:g} s"
+    except RayError as error:
+        return f"{type(error).__name__}"
+    return answer
+
+
 def _check_shared(run: Path) -> None:
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     nonce = secrets.token_hex(8)
-    path = run / f".shared-{nonce}"
+    path = run / f".shared-{nonce}.partial"  # swept, should this be killed
     path.write_text(nonce)
 
     @ray.remote(num_cpus=0)
@@ -88,14 +105,14 @@ def _check_shared(run: Path) -> None:
     try:
         known: list[dict[str, Any]] = ray.nodes()  # type: ignore[no-untyped-call]
         nodes = [node for node in known if node["Alive"]]
-        answers = ray.get(
-            [
-                sees.options(
-                    scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
-                ).remote(str(path))
-                for node in nodes
-            ]
-        )
+        asked = [
+            sees.options(
+                scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+            ).remote(str(path))
+            for node in nodes
+        ]
+        ray.wait(asked, num_returns=len(asked), timeout=ANSWER_SECONDS)
+        answers = [_answer(reference) for reference in asked]
     finally:
         path.unlink(missing_ok=True)
     blind = [

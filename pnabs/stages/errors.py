@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 
 class RunError(Exception):
     """Base of what ends a run with a message for the user."""
@@ -51,3 +53,17 @@ class InterruptedRunError(RunError):
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)
         self.exit_code = exit_code
+
+
+def is_storage(error: OSError) -> bool:
+    """Whether an error is the disk's or the network's, and not a mistake of ours."""
+    return error.errno in (
+        *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE),
+        *(errno.EACCES, errno.EPERM, errno.ENOTCONN, errno.ETIMEDOUT),
+    )
+
+
+def storage_message(error: OSError) -> str:
+    """What the disk says, and where."""
+    where = f"{error.filename}: " if error.filename else ""
+    return f"can't read or write: {where}{error.strerror}"

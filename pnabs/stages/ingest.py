@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -47,21 +48,56 @@ class IngestTask:
         options = self.job.ingest
         root, source = self.job.dataset.root, row["source"]
         try:
-            dataset = Dataset(root)
-            data = dataset.read(source, options.limits.max_bytes)
+            reader = _Reader(root, source, options.limits.max_bytes)
+            data = reader()
             suffix = PurePosixPath(source.rpartition("!")[2]).suffix.lower()
-            sibling = dataset.sibling_reader(source, options.limits.max_bytes)
-            mesh = parse_mesh(data, suffix, options.limits, sibling)
+            try:
+                mesh = parse_mesh(data, suffix, options.limits, reader.sibling)
+            except InvalidMeshError:
+                # What a sibling's disk does is no fault of the mesh.
+                reader.raise_failure()
+                raise
             rng = model_rng(self.job.seed, STAGE, row["category"], row["model_id"])
             fields = compute_fields(mesh, options, self.job.dataset.layout, rng)
-        except (DatasetError, OSError) as error:
-            raise batch.Unavailable(f"the dataset {root} can't be read: {error}") from None
         except (SourceError, InvalidMeshError) as error:
             # A model's file is missing: the model's fault, or the whole dataset's?
             check_dataset(root)
             text = str(error)
             raise batch.InvalidInput(text if source in text else f"{source}: {text}") from None
         return hashlib.sha256(data).hexdigest(), fields
+
+
+class _Reader:
+    """Reads a mesh and its siblings; tells a dataset that fails from a model that is bad."""
+
+    def __init__(self, root: Path | str, source: str, max_bytes: int) -> None:
+        self._root, self._source, self._max_bytes = root, source, max_bytes
+        self._failure: Exception | None = None
+        with self._watched():
+            self._dataset = Dataset(root)
+            self._sibling = self._dataset.sibling_reader(source, max_bytes)
+
+    def __call__(self) -> bytes:
+        with self._watched():
+            return self._dataset.read(self._source, self._max_bytes)
+
+    def sibling(self, name: str) -> bytes:
+        with self._watched():
+            return self._sibling(name)
+
+    def raise_failure(self) -> None:
+        """Raise again what a caller in between may have taken for the mesh's fault."""
+        if self._failure is not None:
+            raise self._failure
+
+    @contextlib.contextmanager
+    def _watched(self) -> Iterator[None]:
+        try:
+            yield
+        except (DatasetError, OSError) as error:
+            text = f"the dataset {self._root} can't be read: {error}"
+            self._failure = batch.Unavailable(text)
+            raise self._failure from None
 
 
 @dataclass

@@ -17,7 +17,7 @@ from pnabs.stages.errors import UsageError
 from pnabs.stages.job import Job
 from pnabs.stages.plan import fingerprint, homes, recipe_digest, stages_of
 from pnabs.stages.training_data import TrainingModels
-from pnabs.store.atomic import digest, file_digest
+from pnabs.store.atomic import digest, is_as_written
 from pnabs.store.events import read_events
 from pnabs.store.run import RunFolder, Variant
 from pnabs.store.sealed import SealError, unseal
@@ -187,11 +187,7 @@ def damaged_files(folder: Path) -> list[str]:
         outputs = unseal((folder / RECORD).read_bytes())["outputs"].items()
     except (OSError, SealError):
         return [RECORD]
-    return [
-        name
-        for name, expected in outputs
-        if not (folder / name).is_file() or file_digest(folder / name) != expected
-    ]
+    return [name for name, expected in outputs if not is_as_written(folder / name, expected)]
 
 
 def source_stage(context: Context, variant: str, module: str) -> str:

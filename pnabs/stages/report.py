@@ -24,6 +24,7 @@ from pnabs.stages.errors import UsageError
 from pnabs.stages.phases import CURVES, PHASES, is_done, phase_plans
 from pnabs.store.atomic import write_atomic
 from pnabs.store.events import read_events
+from pnabs.store.ledger import DamagedRecordError
 from pnabs.store.metrics import read_metrics
 
 STAGE = "report"
@@ -144,7 +145,10 @@ def _quarantine(context: Context) -> Iterator[report.Quarantined]:
     ledger = context.run.ledger
     for stage in ledger.stages():
         for shard, entry in sorted(ledger.index(stage).items()):
-            record = ledger.read(stage, shard) if entry.fallen else None
+            try:
+                record = ledger.read(stage, shard) if entry.fallen else None
+            except DamagedRecordError:
+                continue
             for model in record.quarantined if record else ():
                 category = split_shard(shard)[0]
                 yield report.Quarantined(stage, category, model.model_id, model.kind, model.reason)

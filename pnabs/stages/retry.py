@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 from pnabs.stages.errors import UsageError
-from pnabs.stages.job import Job, with_overrides
+from pnabs.stages.job import with_overrides
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import Options, Result, held, run_job
+from pnabs.stages.run import Options, Result, Retry, run_job
 from pnabs.stages.status import stored_job
 from pnabs.store.run import RunFolder
 
 
 def retry(
-    root: Path,
-    stage: str | None,
-    kind: str | None,
-    overrides: Sequence[str],
-    options: Options,
-    reporter: Reporter,
-) -> Result | None:
-    """Withdraw the records of shards with such models, and run the job.
+    root: Path, which: Retry, overrides: Sequence[str], options: Options, reporter: Reporter
+) -> Result:
+    """Run a job as it was last run, and its quarantined models again.
 
     Parameters
     ----------
-    stage, kind
-        Which models; all when None.
     overrides
         Settings to replace, as `key=value`; those of `runtime` change no other result.
-
-    Returns
-    -------
-    How the run ended; None when there was nothing to try.
 
     Raises
     ------
@@ -40,23 +30,18 @@ def retry(
         As `run_job`, and when the run has no such stage.
     """
     run = RunFolder(root)
-    job: Job = with_overrides(stored_job(run), overrides)
+    job = with_overrides(stored_job(run), overrides)
+    settings = job.settings.model_copy(update={"out": root.absolute()})
     stages = run.ledger.stages()
-    if stage is not None and stage not in stages:
-        raise UsageError(f"--stage: the run has no {stage}; there are {', '.join(stages)}")
-    with held(root):
-        chosen = [
-            (name, shard)
-            for name in stages
-            if stage in (None, name)
-            for shard, entry in run.ledger.index(name).items()
-            if any(kind in (None, fallen) for _, fallen in entry.fallen)
-        ]
-        for name, shard in chosen:
-            run.ledger.withdraw(name, shard)
-        for name in {name for name, _ in chosen}:
-            run.ledger.save_index(name)
-    if not chosen:
-        return None
-    reporter.say(f"{len(chosen)} shards with quarantined models are done again")
-    return run_job(job, options, reporter)
+    if which.stage is not None and which.stage not in stages:
+        raise UsageError(f"--stage: the run has no {which.stage}; there are {', '.join(stages)}")
+    found = sum(
+        which.kind in (None, kind)
+        for stage in stages
+        if which.stage in (None, stage)
+        for entry in run.ledger.index(stage).values()
+        for _, kind in entry.fallen
+    )
+    reporter.say(f"{found} quarantined models are tried again")
+    again = dataclasses.replace(options, retry=which)
+    return run_job(dataclasses.replace(job, settings=settings), again, reporter)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -17,7 +16,14 @@ from pnabs.dataset import catalogue as catalogues
 from pnabs.dataset.synsets import resolve_category
 from pnabs.stages import abstract, difference, ingest, report, train
 from pnabs.stages.context import Context
-from pnabs.stages.errors import InterruptedRunError, RefusedError, StorageError, UsageError
+from pnabs.stages.errors import (
+    InterruptedRunError,
+    RefusedError,
+    StorageError,
+    UsageError,
+    is_storage,
+    storage_message,
+)
 from pnabs.stages.identity import check_identity, given_weights
 from pnabs.stages.interrupts import Interrupts
 from pnabs.stages.job import Job, check_weights
@@ -30,6 +36,14 @@ from pnabs.store.atomic import write_atomic
 from pnabs.store.events import EventLog
 from pnabs.store.lock import LockedError, run_lock
 from pnabs.store.run import RunFolder
+
+
+@dataclass(frozen=True, slots=True)
+class Retry:
+    """Which quarantined models to try again: of a stage and a kind, or of any."""
+
+    stage: str | None = None
+    kind: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +64,8 @@ class Options:
         Redo what changed settings, inputs or versions call for.
     keep_weights
         Don't train again because of changed or added models.
+    retry
+        Quarantined models to try again.
     command
         The command that makes the run again.
     """
@@ -60,6 +76,7 @@ class Options:
     max_failed: float | None = None
     accept: bool = False
     keep_weights: bool = False
+    retry: Retry | None = None
     command: str = ""
 
 
@@ -114,18 +131,8 @@ def run_job(
         except OSError as error:
             if not is_storage(error):
                 raise
-            where = f" {error.filename}" if error.filename else f" below {run.root}"
-            raise StorageError(
-                f"can't write{where}: {error.strerror}. What is committed stays. {go_on}"
-            ) from error
-
-
-def is_storage(error: OSError) -> bool:
-    """Whether an error is the disk's, and not a mistake of ours."""
-    return error.errno in (
-        *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE),
-        *(errno.EACCES, errno.EPERM, errno.ENOTCONN, errno.ETIMEDOUT),
-    )
+            said = storage_message(error)
+            raise StorageError(f"{said}. What is committed stays. {go_on}") from error
 
 
 @contextmanager
@@ -169,8 +176,6 @@ def open_run(
         found = scan(settings, run, identity, reporter, accept=accept)
     kept = _kept_weights(job, run, identity, options)
     run.sweep()
-    for shard in found.edited:
-        run.ledger.withdraw("ingest", shard)
     content = catalogues.to_bytes(found.catalogue)
     run.write_identity(
         settings,
@@ -185,6 +190,9 @@ def open_run(
     if not run.catalogue.exists() or run.catalogue.read_bytes() != content:
         write_atomic(run.catalogue, content)
     del content
+    _withdraw(run, found.edited, options)
+    if accept:
+        describe(job, run, Shards(found.catalogue))
     events = EventLog(run.root, "driver")
     stack.callback(events.close)
     started: list[bool] = []
@@ -234,6 +242,39 @@ def open_run(
         token=token,
         kept_weights=kept,
     )
+
+
+def _withdraw(run: RunFolder, edited: frozenset[str], options: Options) -> None:
+    """Take back the records of what is to be done again though its fingerprint stays."""
+    ledger = run.ledger
+    chosen = {("ingest", shard) for shard in edited}
+    if options.retry is not None:
+        chosen |= {
+            (stage, shard)
+            for stage in ledger.stages()
+            if options.retry.stage in (None, stage)
+            for shard, entry in ledger.index(stage).items()
+            if any(options.retry.kind in (None, kind) for _, kind in entry.fallen)
+        }
+    for stage, shard in chosen:
+        ledger.withdraw(stage, shard)
+    for stage in {stage for stage, _ in chosen}:
+        ledger.save_index(stage)
+        ledger.write_quarantine(stage)
+
+
+def describe(job: Job, run: RunFolder, shards: Shards) -> list[Path]:
+    """Bring the descriptions of the arrays that are there up to date; returns those changed."""
+    variants = job.variants()
+    stores = [run.fields(job.settings)]
+    stores += [run.differences(run.variant(name), one) for name, one in variants.items()]
+    return [
+        path
+        for store in stores
+        for category, count in shards.counts.items()
+        if (store.store / category).is_dir()
+        for path in store.ensure(category, count)
+    ]
 
 
 def _kept_weights(

@@ -64,7 +64,8 @@ def scan(
     pnabs.dataset.errors.DatasetError
         When the dataset can't be listed and there is no catalogue to go on with.
     """
-    old = stored_catalogue(run, identity, anew=accept)
+    # One by which nothing lies yet binds nobody.
+    old = stored_catalogue(run, identity, anew=accept) if run.ledger.stages() else None
     try:
         found = catalogue.scan(job.dataset, Path.cwd())
     except DatasetError:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from pnabs.batch import Outcome, ShardDone, ShardFailed, ShardWork, Unavailable, Watcher
 from pnabs.stages.context import Context, split_shard
-from pnabs.stages.errors import InterruptedRunError, ShardsFailedError, TooManyFailedError
+from pnabs.stages.errors import (
+    InterruptedRunError,
+    RefusedError,
+    ShardsFailedError,
+    TooManyFailedError,
+)
 from pnabs.stages.progress import Tracker
-from pnabs.store.ledger import ModelVerdict, Record
+from pnabs.store.ledger import DamagedRecordError, ModelVerdict, Record
+from pnabs.store.lock import NotHeldError, check_held
 
 FIRST_MODELS = 32
 """So many models tell whether nearly all fail."""
@@ -85,6 +91,7 @@ def run_sharded(
     wanted = chosen(context, plans)
     todo = {plan.shard: plan for plan in pending(context, stage, wanted)}
     if todo:
+        _withdraw_stale(context, stage, todo)
         present = {split_shard(plan.shard)[0] for plan in plans}
         counts = context.shards.counts.items()
         prepare({category: count for category, count in counts if category in present})
@@ -100,6 +107,7 @@ def run_sharded(
                         progress.failed(result)
                     else:
                         record = _record(stage, result, todo[result.shard].fingerprint)
+                        _check_held(context)
                         ledger.commit(record)
                         progress.done(result, record)
                         progress.stop_if_hopeless()
@@ -111,6 +119,29 @@ def run_sharded(
             raise ShardsFailedError(_failures(progress, len(todo), ""))
     ledger.save_index(stage)
     _check_failures(context, stage, plans)
+
+
+def _withdraw_stale(context: Context, stage: str, shards: Iterable[str]) -> None:
+    """Take back the records of other settings or inputs, before their data is written over.
+
+    Else a shard that is cut short, by settings that are then set back, would count as done.
+    """
+    ledger = context.run.ledger
+    stale = [shard for shard in shards if shard in ledger.index(stage)]
+    for shard in stale:
+        ledger.withdraw(stage, shard)
+    if stale:
+        _derive(context, stage)
+    else:
+        ledger.save_index(stage)
+
+
+def _check_held(context: Context) -> None:
+    """End a driver that slept so long that another has taken the run folder over."""
+    try:
+        check_held(context.run.root, context.token)
+    except NotHeldError as error:
+        raise RefusedError(f"{error}. This driver ends; the other goes on.") from None
 
 
 @contextlib.contextmanager
@@ -229,7 +260,10 @@ def _check_failures(context: Context, stage: str, plans: list[ShardPlan]) -> Non
 def _nearly_all(context: Context, stage: str, fallen: int, seen: int) -> str:
     reasons: dict[str, int] = {}
     for shard, entry in context.run.ledger.index(stage).items():
-        record = context.run.ledger.read(stage, shard) if entry.fallen else None
+        try:
+            record = context.run.ledger.read(stage, shard) if entry.fallen else None
+        except DamagedRecordError:
+            continue
         for model in record.quarantined if record else ():
             key = f"{model.kind}: {model.reason}"
             reasons[key] = reasons.get(key, 0) + 1

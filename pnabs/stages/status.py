@@ -9,12 +9,13 @@ from functools import partial
 from typing import Any, Literal
 
 import pyarrow as pa
+from pydantic import ValidationError
 
 from pnabs.dataset import catalogue as catalogues
 from pnabs.settings import Settings
 from pnabs.stages import plans, train_state
 from pnabs.stages.context import Context
-from pnabs.stages.errors import RunError, UsageError
+from pnabs.stages.errors import RefusedError, RunError, UsageError
 from pnabs.stages.job import Job
 from pnabs.stages.phases import PhasePlan, is_done, last_epoch, phase_plans
 from pnabs.stages.plan import homes
@@ -23,7 +24,7 @@ from pnabs.stages.scan import stored_catalogue
 from pnabs.stages.sharded import ShardPlan, chosen, is_chosen
 from pnabs.stages.shards import Shards
 from pnabs.store.events import read_events
-from pnabs.store.lock import holder
+from pnabs.store.lock import Holder, holder
 from pnabs.store.run import RunFolder
 
 STATES = ("done", "running", "failed", "pending")
@@ -133,7 +134,13 @@ def _identity(run: RunFolder) -> dict[str, Any]:
 
 
 def _job(run: RunFolder, identity: dict[str, Any]) -> Job:
-    settings = Settings.model_validate(identity["settings"])
+    try:
+        settings = Settings.model_validate(identity["settings"])
+    except ValidationError as error:
+        raise RefusedError(
+            f"{run.root / 'run.json'} has settings that this pnabs doesn't know ({error}): use the "
+            "pnabs that made it"
+        ) from None
     # The folder may have been moved since.
     settings = settings.model_copy(update={"out": run.root.absolute()})
     return Job(settings, identity["origins"], run.root / "run.json")
@@ -266,20 +273,23 @@ class History:
     last
         (stage, shard) -> last event of the shard.
     driver
-        Process id of the driver that is at work, or None.
+        Who is at work, or None.
     """
 
     rates: dict[str, float]
     last: dict[tuple[str, str], dict[str, Any]]
-    driver: int | None
+    driver: Holder | None
 
     def state(self, stage: str, shard: str) -> ShardState:
         """The state of a shard that isn't done."""
         event = self.last.get((stage, shard), {})
         if event.get("event") == "shard-failed":
-            return ShardState(shard, "failed", event["reason"])
-        if event.get("event") == "shard-start" and event["pid"] == self.driver:
-            return ShardState(shard, "running", event["where"])
+            return ShardState(shard, "failed", event.get("reason", ""))
+        driver = self.driver
+        mine = driver is not None and event.get("time", 0) >= driver.since
+        mine = mine and (event.get("host"), event.get("pid")) == (driver.host, driver.pid)  # type: ignore[union-attr]
+        if event.get("event") == "shard-start" and mine:
+            return ShardState(shard, "running", event.get("where", ""))
         return ShardState(shard, "pending")
 
 
@@ -291,16 +301,16 @@ def read_history(run: RunFolder) -> History:
     for event in read_events(run.root):
         kind = event["event"]
         if kind in ("shard-start", "shard", "shard-failed"):
-            past.last[event["stage"], event["shard"]] = event
+            past.last[event.get("stage", ""), event.get("shard", "")] = event
         if kind not in ("stage-start", "shard", "epoch"):
             continue
-        name = event["phase"] if kind == "epoch" else event["stage"]
+        name = event.get("phase" if kind == "epoch" else "stage", "")
         if kind == "stage-start" or begun.get(name, (0, 0.0))[0] != event["pid"]:
             # Another process: what came before the pause says nothing of the rate.
             begun[name] = (event["pid"], event["time"])
             done[name] = 0
             continue
-        done[name] += event["models"] if kind == "shard" else 1
+        done[name] += event.get("models", 0) if kind == "shard" else 1
         if event["time"] > begun[name][1]:
             past.rates[name] = done[name] / (event["time"] - begun[name][1])
     return past

@@ -120,7 +120,10 @@ def _train(context: Context, todo: list[PhasePlan]) -> None:
             _follow(context, plan, fitting, watch, tracker)
             tracker.update(epochs)
         context.events("phase-end", stage=f"train-{plan.module}", phase=plan.name)
-    _result(fitting, todo[-1])
+    # The records are there; what Ray Train does to end is waited for, but not for ever.
+    if not ray.wait([fitting], timeout=CANCEL_SECONDS)[0]:
+        ray.cancel(fitting, force=False, recursive=False)
+        ray.wait([fitting], timeout=CANCEL_SECONDS)
     shutil.rmtree(context.run.scratch, ignore_errors=True)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnabs.store.atomic import file_digest, write_atomic
+from pnabs.store.atomic import file_digest, is_as_written, write_atomic
 from pnabs.store.sealed import SealError, seal, unseal
 
 if TYPE_CHECKING:
@@ -79,9 +79,7 @@ def damaged_state(folder: Path) -> list[str]:
     except (OSError, SealError):
         return [STATE]
     return [
-        name
-        for name, expected in outputs.items()
-        if not (folder / name).is_file() or file_digest(folder / name) != expected
+        name for name, expected in outputs.items() if not is_as_written(folder / name, expected)
     ]
 
 

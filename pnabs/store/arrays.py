@@ -69,7 +69,7 @@ class CategoryArrays:
         written = []
         for name, data in self._descriptions(category, shards).items():
             path = self.store / name
-            sweep(path.parent)
+            sweep(path.parent, f".{path.name}")
             try:
                 before = path.read_bytes()
             except OSError:
@@ -141,7 +141,7 @@ class CategoryArrays:
                 array = self._array(category, spec.name)
                 array[start : start + self.shard_size] = value
                 path = self.shard_path(category, spec.name, shard)
-                sweep(path.parent)
+                sweep(path.parent, path.name)
                 back = np.asarray(array[start : start + self.shard_size])
                 if back.tobytes() != value.tobytes():
                     raise DamagedDataError(f"{path}: read back differs from what was written")

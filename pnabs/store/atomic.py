@@ -32,10 +32,24 @@ def write_atomic(path: Path, data: bytes) -> None:
     sync_folder(path.parent)
 
 
-def sweep(folder: Path) -> None:
-    """Remove what writers that were killed left half-written in a folder (not below it)."""
-    for path in folder.glob("*.partial"):
+def sweep(folder: Path, name: str = "") -> None:
+    """Remove what writers that were killed left half-written in a folder (not below it).
+
+    Parameters
+    ----------
+    name
+        Only of the file of this name; others in the folder may have writers that live.
+    """
+    for path in folder.glob(f"{name}.*.partial" if name else "*.partial"):
         path.unlink(missing_ok=True)
+
+
+def is_as_written(path: Path, expected: dict[str, Any]) -> bool:
+    """Whether a file can be read and has the size and SHA-256 of `file_digest`."""
+    try:
+        return file_digest(path) == expected
+    except OSError:
+        return False
 
 
 def sync_folder(folder: Path) -> None:

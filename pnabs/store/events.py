@@ -37,10 +37,13 @@ class EventLog:
         self._common = {"host": socket.gethostname(), "pid": os.getpid()}
 
     def __call__(self, event: str, **values: Any) -> None:
-        """Append one event; a line is written whole, or not at all where the disk is full."""
+        """Append one event; lost where the disk is full."""
         line = {"time": round(time.time(), 3), "event": event, **self._common, **values}
+        data = json.dumps(line, ensure_ascii=False).encode() + b"\n"
         with contextlib.suppress(OSError):
-            os.write(self._descriptor, json.dumps(line, ensure_ascii=False).encode() + b"\n")
+            if os.write(self._descriptor, data) < len(data):
+                # Only its beginning: what follows must not join it.
+                os.write(self._descriptor, b"\n")
 
     def close(self) -> None:
         """Close the file."""
@@ -48,13 +51,19 @@ class EventLog:
 
 
 def read_events(run: Path, writer: str = "*") -> Iterator[dict[str, Any]]:
-    """Events of a writer, or of all, file by file; a torn last line is passed over."""
+    """Events of a writer, or of all, file by file; torn and damaged lines are passed over."""
     for path in sorted((run / "events").glob(f"{writer}/*.jsonl")):
-        for line in path.read_text().splitlines():
-            try:
-                yield json.loads(line)
-            except ValueError:
-                continue
+        yield from _parse(path.read_bytes())
+
+
+def _parse(data: bytes) -> Iterator[dict[str, Any]]:
+    for line in data.split(b"\n"):
+        try:
+            value = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(value, dict) and {"event", "time", "pid", "host"} <= value.keys():
+            yield value
 
 
 class EventTail:
@@ -75,6 +84,4 @@ class EventTail:
                 # A line that is being written is read when it is whole.
                 data = stream.read().rpartition(b"\n")[0]
             self._read[path] = start + len(data) + bool(data)
-            for line in data.splitlines():
-                with contextlib.suppress(ValueError):
-                    yield json.loads(line)
+            yield from _parse(data)

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pnabs.store.atomic import digest, file_digest, write_atomic
+from pnabs.store.atomic import digest, is_as_written, write_atomic
 from pnabs.store.index import Entry, load_index, save_index
 from pnabs.store.sealed import SealError, seal, unseal
 
@@ -24,8 +25,8 @@ KINDS: tuple[Kind, ...] = ("ok", "invalid", "error", "crash", "timeout", "memory
 VERSION = 2
 
 
-SAVE_EVERY = 512
-"""Commits after which the index is written anew: what a dead driver's successor reads singly."""
+SAVE_SECONDS = 10.0
+"""Time between two writings of an index: what a dead driver's successor reads singly."""
 
 
 class LedgerError(Exception):
@@ -132,6 +133,7 @@ class Ledger:
         self.run = run
         self._indexes: dict[str, dict[str, Entry]] = {}
         self._unsaved: Counter[str] = Counter()
+        self._saved: dict[str, float] = {}
 
     def path(self, stage: str, shard: str) -> Path:
         """Where a shard's record lies."""
@@ -194,7 +196,10 @@ class Ledger:
             shard, suffix = os.path.splitext(item.name)
             if suffix != ".json":
                 continue
-            status = item.stat()
+            try:
+                status = item.stat()
+            except FileNotFoundError:
+                continue  # withdrawn just now, by the driver that this one looks at
             entry = known.get(shard)
             now = status.st_mtime_ns, status.st_size
             if entry is None or (entry.mtime_ns, entry.size) != now:
@@ -204,6 +209,7 @@ class Ledger:
                 entries[shard] = entry
         self._unsaved[stage] += len(known.keys() - entries.keys())
         self._indexes[stage] = entries
+        self._saved.setdefault(stage, time.monotonic())
         return entries
 
     def _entry(self, stage: str, shard: str, status: os.stat_result) -> Entry | None:
@@ -215,6 +221,7 @@ class Ledger:
 
     def save_index(self, stage: str) -> None:
         """Write the stage's index when it has changed; only the driver does."""
+        self._saved[stage] = time.monotonic()
         if self._unsaved.pop(stage, 0):
             save_index(self.index_path(stage), self.index(stage))
 
@@ -225,7 +232,7 @@ class Ledger:
         write_atomic(path, seal(record.to_json()))
         self._indexes[record.stage][record.shard] = _summary(record, path.stat())
         self._unsaved[record.stage] += 1
-        if self._unsaved[record.stage] >= SAVE_EVERY:
+        if time.monotonic() - self._saved.get(record.stage, 0.0) >= SAVE_SECONDS:
             self.save_index(record.stage)
 
     def withdraw(self, stage: str, shard: str) -> None:
@@ -261,7 +268,12 @@ class Ledger:
 
     def _fallen(self, stage: str) -> Iterator[str]:
         for shard, entry in sorted(self.index(stage).items()):
-            record = self.read(stage, shard) if entry.fallen else None
+            try:
+                record = self.read(stage, shard) if entry.fallen else None
+            except DamagedRecordError:
+                # Damaged since the index was made: the next run does its shard again.
+                self.withdraw(stage, shard)
+                continue
             category = shard.rpartition("-")[0]
             for model in record.quarantined if record else ():
                 line = {
@@ -279,7 +291,7 @@ class Ledger:
         return [
             name
             for name, expected in record.outputs.items()
-            if not (self.run / name).is_file() or file_digest(self.run / name) != expected
+            if not is_as_written(self.run / name, expected)
         ]
 
 

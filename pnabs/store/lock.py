@@ -9,6 +9,7 @@ outlived its driver finds another token, or none, and writes nothing any more.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
@@ -18,8 +19,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+_NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)
 
 BEAT_SECONDS = 5.0
 """Time between a holder's signs of life."""
@@ -54,9 +58,14 @@ def run_lock(run: Path) -> Iterator[str]:
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            here = socket.gethostname()
         except BlockingIOError:
             raise LockedError(_held(path)) from None
-        _watch_other_machine(path)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            here = ""
+        _watch(path, here)
         now = time.time()
         token = secrets.token_hex(8)
         holder = {"host": socket.gethostname(), "pid": os.getpid(), "since": now, "token": token}
@@ -94,8 +103,17 @@ def check_held(run: Path, token: str) -> None:
         raise NotHeldError(f"{run} is held by {who} now, not by this worker's driver")
 
 
-def holder(run: Path) -> int | None:
-    """Process id of the driver that seems to be at work; takes nothing.
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who holds a run folder: host, process, and since when (seconds since 1970)."""
+
+    host: str
+    pid: int
+    since: float
+
+
+def holder(run: Path) -> Holder | None:
+    """The driver that seems to be at work; takes nothing.
 
     Told from the lock's file alone: a driver counts as gone when it hasn't given a sign of life
     for half a minute, or its process isn't there any more on this machine.
@@ -105,8 +123,9 @@ def holder(run: Path) -> int | None:
         if not found or time.time() - found["beat"] > 6 * BEAT_SECONDS:
             return None
         here = found["host"] == socket.gethostname()
-        gone = here and not Path(f"/proc/{found['pid']}").exists()
-        return None if gone else int(found["pid"])
+        if here and not Path(f"/proc/{found['pid']}").exists():
+            return None
+        return Holder(found["host"], int(found["pid"]), found["since"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -119,21 +138,29 @@ def _write(descriptor: int, holder: dict[str, Any]) -> None:
 def _beat(descriptor: int, holder: dict[str, Any], stop: threading.Event) -> None:
     while not stop.wait(BEAT_SECONDS):
         try:
+            if holder["token"] not in os.pread(descriptor, 1024, 0).decode(errors="replace"):
+                return  # taken over while this process slept
             _write(descriptor, {**holder, "beat": time.time()})
         except OSError:
             # A full disk is told by those who write results.
             continue
 
 
-def _watch_other_machine(path: Path) -> None:
-    """Where `flock` is each machine's own, see whether another's holder is alive."""
+def _watch(path: Path, trusted: str) -> None:
+    """Where `flock` doesn't tell, see whether an entry's holder is alive.
+
+    Parameters
+    ----------
+    trusted
+        The machine whose holders `flock` has told of.
+    """
     before = path.read_bytes()
     try:
-        holder = json.loads(before or b"{}")
-        elsewhere = holder.get("host", socket.gethostname()) != socket.gethostname()
+        found = json.loads(before or b"{}")
+        known = found.get("host", trusted) == trusted
     except (ValueError, AttributeError):
-        elsewhere = False
-    if not elsewhere:
+        known = True
+    if known:
         return
     time.sleep(2.5 * BEAT_SECONDS)
     if path.read_bytes() not in (before, b""):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from pnabs.batch import (
     Watcher,
     WorkerLimits,
 )
+from pnabs.batch.child import IsolatedChild
 from pnabs.batch.work import Committed
 from tests.batch.tasks import FAULTS, VERDICTS, ScriptedWork, Table, invocations
 
@@ -149,3 +151,40 @@ def test_a_hanging_child_ends_with_its_worker(tmp_path: Path) -> None:
     while child.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not child.exists()
+
+
+def test_a_child_that_dies_while_it_sends_is_charged_to_its_model(tmp_path: Path) -> None:
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "ok"}})
+    child = IsolatedChild(work.task, LIMITS, work.preload)
+    assert child.run("a", ("a", "a")).kind == "ok"
+
+    class Cut:
+        """The connection of a child that ended between the two halves of a message."""
+
+        def send(self, _: object) -> None:
+            child._process.kill()
+
+        def poll(self, _: float) -> bool:
+            return True
+
+        def recv(self) -> object:
+            raise OSError("got end of file during message")
+
+        def close(self) -> None:
+            """Nothing to close."""
+
+    child._connection = Cut()  # type: ignore[assignment]
+    outcome = child.run("b", ("b", "b"))
+    assert (outcome.kind, outcome.reason) == ("crash", "the process died of SIGKILL")
+    assert child.run("a", ("a", "a")).kind == "ok"
+    child.close()
+
+
+def test_nothing_is_left_in_the_folder_for_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    work = ScriptedWork(str(tmp_path), {"s": {"a": "crash", "b": "ok"}})
+    for _ in InlineExecutor(LIMITS).map(work, ["s"], Watcher()):
+        assert not list((tmp_path / "tmp").glob("pnabs-*"))

@@ -109,3 +109,18 @@ def test_a_lost_description_is_mended_and_shards_stay(store: CategoryArrays, dam
     assert store.ensure("chair", 2) == [path]
     assert path.read_bytes() == before
     np.testing.assert_array_equal(store.read_shard("chair", 0, "points", 16), rows(16)["points"])
+
+
+def test_writers_of_two_shards_leave_each_other_alone(tmp_path: Path) -> None:
+    """Also where an array has one number a model, and its shards lie in one folder."""
+    specs = (*SPECS, ArraySpec("valid", (), "u1"))
+    store = CategoryArrays(tmp_path / "s.zarr", tmp_path, specs, SIZE)
+    store.ensure("chair", 2)
+    beside = store.shard_path("chair", "valid", 1).with_name("1.0a1b.partial")
+    own = store.shard_path("chair", "valid", 0).with_name("0.0a1b.partial")
+    for path in (beside, own):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"half")
+    store.write_shard("chair", 0, {**rows(SIZE), "valid": np.ones(SIZE, np.uint8)})
+    assert beside.exists()
+    assert not own.exists()

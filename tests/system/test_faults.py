@@ -124,12 +124,12 @@ def test_retry_tries_the_quarantined_again_and_nothing_else(
         patch_work(faulty, tmp_path / "counts", {name: "crash"})
         launch(run, stages=INGEST)
     assert name in (run / "quarantine/ingest.jsonl").read_text()
-    nothing = CliRunner().invoke(main, ["retry", str(run), "--kind", "timeout"])
+    monkeypatch.setattr("pnabs.stages.run.STAGES", INGEST)
+    nothing = CliRunner().invoke(main, ["retry", str(run), "--kind", "timeout", "--max-failed=50"])
     assert nothing.exit_code == 0
-    assert "nothing to do" in nothing.stderr
+    assert "0 quarantined models are tried again" in nothing.stderr
     wrong = CliRunner().invoke(main, ["retry", str(run), "--stage", "ingets"])
     assert wrong.exit_code == 2
-    monkeypatch.setattr("pnabs.stages.run.STAGES", INGEST)
     done = CliRunner().invoke(main, ["retry", str(run), "--kind", "crash", "--max-failed", "50"])
     assert done.exit_code == 0, done.output
     assert ingested(run) == ingested(finished[0])
