@@ -176,6 +176,8 @@ def open_run(
         found = scan(settings, run, identity, reporter, accept=accept)
     kept = _kept_weights(job, run, identity, options)
     run.sweep()
+    # Before the catalogue, which takes edited files' new times, is written.
+    _withdraw(run, found.edited, options)
     content = catalogues.to_bytes(found.catalogue)
     run.write_identity(
         settings,
@@ -190,7 +192,6 @@ def open_run(
     if not run.catalogue.exists() or run.catalogue.read_bytes() != content:
         write_atomic(run.catalogue, content)
     del content
-    _withdraw(run, found.edited, options)
     if accept:
         describe(job, run, Shards(found.catalogue))
     events = EventLog(run.root, "driver")

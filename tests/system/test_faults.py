@@ -17,7 +17,12 @@ from click.testing import CliRunner
 
 from pnabs.cli import main
 from pnabs.settings import Settings
-from pnabs.stages.errors import ShardsFailedError, StorageError, TooManyFailedError
+from pnabs.stages.errors import (
+    InterruptedRunError,
+    ShardsFailedError,
+    StorageError,
+    TooManyFailedError,
+)
 from pnabs.stages.run import Result
 from pnabs.stages.sharded import _Progress
 from pnabs.store.events import read_events
@@ -136,6 +141,30 @@ def test_retry_tries_the_quarantined_again_and_nothing_else(
     shards = [e["shard"] for e in read_events(run, "driver") if e["event"] == "shard-start"]
     assert shards.count(shard) == 2
     assert len(shards) == len(set(shards)) + 1
+
+
+def test_settings_that_are_set_back_leave_nothing_of_the_others(
+    finished: tuple[Path, Result],
+    launch: Launcher,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A change that is accepted, stopped half-way, and taken back."""
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+
+    def stop(_: object) -> None:
+        raise InterruptedRunError("stopped", 130)
+
+    with monkeypatch.context() as once:
+        on_start(once, 4, stop)
+        with pytest.raises(InterruptedRunError):
+            launch(run, "abstract.debris=0.2", accept=True)
+    ours, theirs = tree(run), tree(finished[0])
+    assert any(ours[name] != theirs[name] for name in theirs if name in ours)
+    assert CliRunner().invoke(main, ["verify", str(run)]).exit_code == 0
+    launch(run, accept=True)
+    assert tree(run) == theirs
 
 
 def test_a_run_whose_first_models_nearly_all_fail_stops_early(

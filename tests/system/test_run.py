@@ -218,7 +218,9 @@ def test_added_models_are_refused_then_get_shards_of_their_own(
     more = Launcher(data)
     with pytest.raises(RefusedError, match="added: 1 models"):
         more(run)
-    more(run, accept=True, stages=("scan", "ingest"))
+    more(run, accept=True, stages=("scan",))
+    assert invoke(run).exit_code == 0
+    more(run, stages=("scan", "ingest"))
     ours, theirs = tree(run), tree(finished[0])
     assert "ledger/ingest/02828884-00002.json" in ours
     for name in theirs:
