@@ -32,7 +32,7 @@ test: $(VENV)/.ready ## the test suite
 	$(BIN)/pytest -m "not slow"
 
 test-slow: $(VENV)/.ready ## the tests that take minutes
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow -o faulthandler_timeout=1800
 
 lint: $(VENV)/.ready ## style and one-way imports
 	$(BIN)/ruff check pnabs tests benchmarks docs/reference.py
