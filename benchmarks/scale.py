@@ -37,7 +37,7 @@ from pnabs.stages.plan import VERSIONS
 from pnabs.stages.progress import Reporter
 from pnabs.stages.sharded import run_sharded
 from pnabs.stages.shards import Shards
-from pnabs.store.atomic import write_atomic
+from pnabs.store.atomic import digest, write_atomic
 from pnabs.store.events import EventLog
 from pnabs.store.lock import run_lock
 from pnabs.store.run import RunFolder
@@ -87,6 +87,8 @@ def make_run(out: Path, models: int) -> None:
         dataset_fingerprint=catalogues.fingerprint(table), weights={}, kept_weights={},
     )  # fmt: skip
     write_atomic(run.catalogue, content)
+    mark = digest(content)
+    Shards.of_file(run.catalogue, run.catalogue_index, mark).save_index(run.catalogue_index, mark)
 
 
 def job_at(out: Path) -> Settings:
@@ -127,11 +129,11 @@ def no_op(out: Path, isolated: bool) -> dict[str, Any]:
     run, job = RunFolder(out), job_at(out)
     identity = run.read_identity()
     assert identity
-    run.check_catalogue(identity)
+    mark = run.check_catalogue(identity)
     sampler = Sampler()
     limits = WorkerLimits(120, 2**32, isolated)
     with run_lock(out) as token:
-        shards = Shards(catalogues.read(run.catalogue))
+        shards = Shards.of_file(run.catalogue, run.catalogue_index, mark)
         events = EventLog(out, "driver")
         context = Context(
             job=job, variants={"main": job}, run=run, shards=shards, selected=None,

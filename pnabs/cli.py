@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import json
 import shlex
 import sys
@@ -204,8 +205,11 @@ def status(run: Path, as_json: bool, shards: bool) -> None:
     from pnabs.stages.status import status as read
     from pnabs.store.run import RunFolder
 
+    # It only gathers, and ends: the collector would go through a million models' shards in vain.
+    gc.disable()
     with _errors():
         found = read(stored_context(RunFolder(run), Reporter()))
+    gc.enable()
     if as_json:
         click.echo(json.dumps([item.to_json(shards=shards) for item in found], indent=1))
     else:

@@ -19,6 +19,7 @@ from pnabs.settings import Settings
 from pnabs.stages.plan import homes
 from pnabs.stages.progress import Reporter
 from pnabs.stages.shards import Shards
+from pnabs.stages.training_models import TrainingModels
 from pnabs.store.run import RunFolder, Variant
 
 
@@ -50,6 +51,9 @@ class Context:
         By which workers know that this driver still holds the run folder.
     kept_weights
         Fingerprints of the training phases whose weights the user kept, from run.json.
+    training
+        The models that train by the stage that names them, as last found, with the ledger's
+        state then; see `phases.training_models`.
     problems
         What went wrong without stopping the run, to be told at its end.
     """
@@ -68,6 +72,7 @@ class Context:
     owns_ray: Callable[[], bool] = lambda: False
     token: str = ""
     kept_weights: dict[str, str] = field(default_factory=dict)
+    training: dict[str, tuple[tuple[int, int], TrainingModels]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
     def home(self, stage: str, variant: str) -> Variant:

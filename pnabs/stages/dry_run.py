@@ -9,6 +9,7 @@ from pnabs.stages.job import Job, check_weights
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Options, select
 from pnabs.stages.scan import scan
+from pnabs.stages.shards import Shards
 from pnabs.stages.status import StageStatus, context_of, render, status
 from pnabs.store.run import RunFolder
 
@@ -30,8 +31,10 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     check_identity(identity, job.settings, accept=accept)
     catalogue = scan(job.settings, run, identity, reporter, accept=accept).catalogue
     kept = {} if accept or identity is None else identity["kept_weights"]
-    context = context_of(job, run, reporter, catalogue, kept)
-    context = dataclasses.replace(context, selected=select(catalogue, options.categories))
+    context = context_of(job, run, reporter, Shards.of_table(catalogue), kept)
+    context = dataclasses.replace(
+        context, selected=select(list(context.shards.counts), options.categories)
+    )
     stages = status(context)
     if options.stages:
         stages = [item for item in stages if _stage(item) in options.stages]

@@ -7,6 +7,7 @@ the loss curves and, written last, a record.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,8 @@ from pnabs.stages.context import Context
 from pnabs.stages.errors import UsageError
 from pnabs.stages.job import Job
 from pnabs.stages.plan import fingerprint, homes, recipe_digest, stages_of
-from pnabs.stages.training_data import TrainingModels
-from pnabs.store.atomic import digest, is_as_written
+from pnabs.stages.training_models import TrainingModels
+from pnabs.store.atomic import is_as_written
 from pnabs.store.events import read_events
 from pnabs.store.run import RunFolder, Variant
 from pnabs.store.sealed import SealError, unseal
@@ -160,10 +161,18 @@ def training_models(context: Context, variant: str, module: str) -> TrainingMode
 
     For the negative module only those whose difference volume isn't empty.
     """
-    ingested = context.run.ledger.index("ingest")
-    last = context.run.ledger.index(source_stage(context, variant, module))
+    ledger, source = context.run.ledger, source_stage(context, variant, module)
+    state = ledger.generation("ingest"), ledger.generation(source)
+    known = context.training.get(source)
+    if known is None or known[0] != state:
+        known = context.training[source] = state, _training_models(context, source)
+    return known[1]
+
+
+def _training_models(context: Context, source: str) -> TrainingModels:
+    ingested, last = (context.run.ledger.index(stage) for stage in ("ingest", source))
     chosen = []
-    inputs = []
+    inputs = hashlib.sha256()
     for number, shard in enumerate(context.shards.names):
         first, entry = ingested.get(shard), last.get(shard)
         if first is None or entry is None:
@@ -172,8 +181,9 @@ def training_models(context: Context, variant: str, module: str) -> TrainingMode
         rows = context.shards.chosen(number, ("train",), gone)
         if len(rows):
             chosen.append((shard, rows))
-            inputs.append([shard, entry.digest, digest(rows.astype("<i4").tobytes())])
-    return TrainingModels(tuple(chosen), digest(inputs))
+            inputs.update(f"{shard} {entry.digest} {len(rows)}\n".encode())
+            inputs.update(rows.astype("<i4").tobytes())
+    return TrainingModels(tuple(chosen), inputs.hexdigest())
 
 
 def is_done(plan: PhasePlan) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pnabs.settings import Settings
-from pnabs.store.atomic import digest
+from pnabs.store.atomic import canonical_json, digest
 
 STAGES = (
     *("scan", "ingest", "train-positive", "difference"),
@@ -98,7 +98,8 @@ def fingerprint(recipe: str, inputs: Any) -> str:
     inputs
         Digests of what the result is made from.
     """
-    return digest([recipe, inputs])
+    content = inputs if isinstance(inputs, str) else canonical_json(inputs).decode()
+    return digest(f"{recipe}\n{content}".encode())
 
 
 def _positives(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pnabs.stages.context import Context
 from pnabs.stages.phases import weights_path
 from pnabs.stages.plan import fingerprint, recipe_digest
 from pnabs.stages.sharded import ShardPlan
+from pnabs.stages.shards import INPUTS, MODELS
 from pnabs.store.atomic import file_digest
 
 SPLITS = ("train", "val")
@@ -20,9 +21,9 @@ SPLITS = ("train", "val")
 def ingest(context: Context) -> list[ShardPlan]:
     """Every shard with what its result depends on: settings, and its models' files."""
     recipe, shards = recipe_digest("ingest", context.job), context.shards
-    inputs = shards.digests("model_id", "source", "size", "reason")
+    inputs = shards.digests(INPUTS)
     return [
-        ShardPlan(name, fingerprint(recipe, content), int(models))
+        ShardPlan(name, fingerprint(recipe, content), models)
         for name, content, models in zip(shards.names, inputs, shards.models, strict=True)
     ]
 
@@ -33,7 +34,7 @@ def difference(context: Context, variant: str) -> list[ShardPlan]:
     weights = file_digest(weights_path(context, variant, "positive"))["sha256"]
     ingested = context.run.ledger.index("ingest")
     out = []
-    for number, content in enumerate(shards.digests("model_id", "split")):
+    for number, content in enumerate(shards.digests(MODELS)):
         shard = shards.names[number]
         entry = ingested.get(shard)
         models = 0 if entry is None else len(shards.chosen(number, SPLITS, dict(entry.fallen)))
@@ -52,7 +53,7 @@ def abstract(context: Context, variant: str) -> list[ShardPlan]:
     ingested = context.run.ledger.index("ingest")
     out = []
     # The metrics' rows name the splits.
-    for number, content in enumerate(shards.digests("model_id", "split")):
+    for number, content in enumerate(shards.digests(MODELS)):
         shard = shards.names[number]
         entry = ingested.get(shard)
         if entry is not None:

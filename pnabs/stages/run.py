@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
 from pnabs.batch import Executor, WorkerLimits
 from pnabs.dataset import catalogue as catalogues
 from pnabs.dataset.synsets import resolve_category
@@ -32,7 +30,7 @@ from pnabs.stages.plan import STAGES, VERSIONS, homes
 from pnabs.stages.progress import Reporter
 from pnabs.stages.scan import scan
 from pnabs.stages.shards import Shards
-from pnabs.store.atomic import write_atomic
+from pnabs.store.atomic import digest, write_atomic
 from pnabs.store.events import EventLog
 from pnabs.store.lock import LockedError, run_lock
 from pnabs.store.run import RunFolder
@@ -179,6 +177,7 @@ def open_run(
     # Before the catalogue, which takes edited files' new times, is written.
     _withdraw(run, found.edited, options)
     content = catalogues.to_bytes(found.catalogue)
+    mark = digest(content)
     run.write_identity(
         settings,
         origins=job.origins,
@@ -191,9 +190,12 @@ def open_run(
     )
     if not run.catalogue.exists() or run.catalogue.read_bytes() != content:
         write_atomic(run.catalogue, content)
-    del content
+    shards = Shards.of_file(run.catalogue, run.catalogue_index, mark)
+    shards.save_index(run.catalogue_index, mark)
+    # From here on nobody holds the models one by one.
+    del content, found
     if accept:
-        describe(job, run, Shards(found.catalogue))
+        describe(job, run, shards)
     events = EventLog(run.root, "driver")
     stack.callback(events.close)
     started: list[bool] = []
@@ -231,8 +233,8 @@ def open_run(
         job=settings,
         variants=job.variants(),
         run=run,
-        shards=Shards(found.catalogue),
-        selected=select(found.catalogue, options.categories),
+        shards=shards,
+        selected=select(list(shards.counts), options.categories),
         executor=on_ray if executor is None else functools.partial(executor, limits),
         reporter=reporter,
         events=events,
@@ -288,11 +290,10 @@ def _kept_weights(
     return {} if options.accept or identity is None else dict(identity["kept_weights"])
 
 
-def select(catalogue: pa.Table, categories: Sequence[str]) -> frozenset[str] | None:
+def select(available: Sequence[str], categories: Sequence[str]) -> frozenset[str] | None:
     """The categories that sharded stages are limited to, by name or alias; None for all."""
     if not categories:
         return None
-    available = catalogue["category"].unique().to_pylist()
     return frozenset(resolve_category(name, available) for name in categories)
 
 

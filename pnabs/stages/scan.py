@@ -65,7 +65,7 @@ def scan(
         When the dataset can't be listed and there is no catalogue to go on with.
     """
     # One by which nothing lies yet binds nobody.
-    old = stored_catalogue(run, identity, anew=accept) if run.ledger.stages() else None
+    old = _stored(run, identity, anew=accept) if run.ledger.stages() else None
     try:
         found = catalogue.scan(job.dataset, Path.cwd())
     except DatasetError:
@@ -115,10 +115,8 @@ def scan(
     return Scan(merged, frozenset(row["shard"] for row in edited))
 
 
-def stored_catalogue(
-    run: RunFolder, identity: dict[str, Any] | None, *, anew: bool = False
-) -> pa.Table | None:
-    """The catalogue that lies in the run folder, checked; None when there is none yet.
+def _stored(run: RunFolder, identity: dict[str, Any] | None, *, anew: bool) -> pa.Table | None:
+    """The catalogue that lies in the run folder, checked; None when there is none.
 
     Parameters
     ----------
@@ -133,11 +131,7 @@ def stored_catalogue(
         When it isn't a catalogue.
     """
     if identity is None:
-        # run.json is written first, so this is a leftover, or run.json was lost.
-        usable = run.catalogue.exists() and bool(run.ledger.stages())
-        return catalogue.read(run.catalogue) if usable else None
-    if not run.catalogue.exists() and not run.ledger.stages():
-        return None
+        return catalogue.read(run.catalogue) if run.catalogue.exists() else None
     try:
         run.check_catalogue(identity)
     except RunFolderError:

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any, Literal
 
-import pyarrow as pa
 from pydantic import ValidationError
 
 from pnabs.dataset import catalogue as catalogues
@@ -20,7 +19,6 @@ from pnabs.stages.job import Job
 from pnabs.stages.phases import PhasePlan, is_done, last_epoch, phase_plans
 from pnabs.stages.plan import homes
 from pnabs.stages.progress import Reporter
-from pnabs.stages.scan import stored_catalogue
 from pnabs.stages.sharded import ShardPlan, chosen, is_chosen
 from pnabs.stages.shards import Shards
 from pnabs.store.events import read_events
@@ -109,10 +107,12 @@ def stored_context(run: RunFolder, reporter: Reporter) -> Context:
     """
     identity = _identity(run)
     job = _job(run, identity)
-    catalogue = stored_catalogue(run, identity)
-    if catalogue is None:
-        catalogue = catalogues.SCHEMA.empty_table()
-    return context_of(job, run, reporter, catalogue, identity["kept_weights"])
+    if run.catalogue.exists() or run.ledger.stages():
+        mark = run.check_catalogue(identity)
+        shards = Shards.of_file(run.catalogue, run.catalogue_index, mark)
+    else:
+        shards = Shards.of_table(catalogues.SCHEMA.empty_table())
+    return context_of(job, run, reporter, shards, identity["kept_weights"])
 
 
 def stored_job(run: RunFolder) -> Job:
@@ -147,7 +147,7 @@ def _job(run: RunFolder, identity: dict[str, Any]) -> Job:
 
 
 def context_of(
-    job: Job, run: RunFolder, reporter: Reporter, catalogue: pa.Table, kept: dict[str, str]
+    job: Job, run: RunFolder, reporter: Reporter, shards: Shards, kept: dict[str, str]
 ) -> Context:
     """A context in which nothing can be run."""
 
@@ -158,7 +158,7 @@ def context_of(
         job=job.settings,
         variants=job.variants(),
         run=run,
-        shards=Shards(catalogue),
+        shards=shards,
         selected=None,
         executor=refuse,
         reporter=reporter,

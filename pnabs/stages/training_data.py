@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from pnabs.settings import Settings
 from pnabs.stages.context import split_shard
+from pnabs.stages.training_models import TrainingModels
 from pnabs.store.arrays import CategoryArrays
 from pnabs.store.run import RunFolder, Variant
 
@@ -19,37 +19,6 @@ if TYPE_CHECKING:
 
 SURFACE_POINTS = 2048
 """Surface points a model kept in memory; each step draws from them."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrainingModels:
-    """The models that train a module: rows of shards, and a digest of what they are.
-
-    Attributes
-    ----------
-    shards
-        (shard, (n,) rows in it) in the catalogue's order.
-    """
-
-    shards: tuple[tuple[str, NDArray[np.int32]], ...]
-    digest: str
-
-    @property
-    def count(self) -> int:
-        """Models in all."""
-        return sum(len(rows) for _, rows in self.shards)
-
-    def part(self, rank: int, world: int) -> list[tuple[str, NDArray[np.int32]]]:
-        """The rows one of `world` workers holds: every `world`-th, as many for each.
-
-        Where the count doesn't divide, the first models come twice, so that all
-        workers make as many steps.
-        """
-        rows = np.concatenate([rows for _, rows in self.shards])
-        shard = np.repeat(np.arange(len(self.shards)), [len(rows) for _, rows in self.shards])
-        mine = np.arange(rank, len(rows) + -len(rows) % world, world) % len(rows)
-        cuts = np.flatnonzero(np.diff(shard[mine])) + 1
-        return [(self.shards[shard[places[0]]][0], rows[places]) for places in np.split(mine, cuts)]
 
 
 def load_training_set(

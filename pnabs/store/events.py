@@ -56,12 +56,20 @@ def read_events(run: Path, writer: str = "*") -> Iterator[dict[str, Any]]:
         yield from _parse(path.read_bytes())
 
 
+def _sound(lines: list[bytes]) -> Iterator[Any]:
+    for line in lines:
+        with contextlib.suppress(ValueError):
+            yield json.loads(line)
+
+
 def _parse(data: bytes) -> Iterator[dict[str, Any]]:
-    for line in data.split(b"\n"):
-        try:
-            value = json.loads(line)
-        except ValueError:
-            continue
+    lines = [line for line in data.split(b"\n") if line]
+    try:
+        # At once is several times faster than line by line.
+        values = json.loads(b"[" + b",".join(lines) + b"]")
+    except ValueError:
+        values = list(_sound(lines))
+    for value in values:
         if isinstance(value, dict) and {"event", "time", "pid", "host"} <= value.keys():
             yield value
 

@@ -133,6 +133,7 @@ class Ledger:
         self.run = run
         self._indexes: dict[str, dict[str, Entry]] = {}
         self._unsaved: Counter[str] = Counter()
+        self._generations: Counter[str] = Counter()
         self._saved: dict[str, float] = {}
 
     def path(self, stage: str, shard: str) -> Path:
@@ -219,6 +220,10 @@ class Ledger:
             return None
         return None if record is None else _summary(record, status)
 
+    def generation(self, stage: str) -> int:
+        """Changes whenever a record of the stage was written or withdrawn by this object."""
+        return self._generations[stage]
+
     def save_index(self, stage: str) -> None:
         """Write the stage's index when it has changed; only the driver does."""
         self._saved[stage] = time.monotonic()
@@ -232,6 +237,7 @@ class Ledger:
         write_atomic(path, seal(record.to_json()))
         self._indexes[record.stage][record.shard] = _summary(record, path.stat())
         self._unsaved[record.stage] += 1
+        self._generations[record.stage] += 1
         if time.monotonic() - self._saved.get(record.stage, 0.0) >= SAVE_SECONDS:
             self.save_index(record.stage)
 
@@ -240,6 +246,7 @@ class Ledger:
         self.path(stage, shard).unlink(missing_ok=True)
         if self._indexes.get(stage, {}).pop(shard, None) is not None:
             self._unsaved[stage] += 1
+            self._generations[stage] += 1
 
     def shards(self, stage: str) -> list[str]:
         """Shards of a stage that have a record, sound or not, sorted."""

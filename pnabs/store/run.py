@@ -75,6 +75,11 @@ class RunFolder:
         return self.root / "catalogue.parquet"
 
     @property
+    def catalogue_index(self) -> Path:
+        """RUN/index/catalogue: the catalogue by shard, derived from it."""
+        return self.root / "index" / "catalogue"
+
+    @property
     def report(self) -> Path:
         """RUN/report."""
         return self.root / "report"
@@ -186,8 +191,8 @@ class RunFolder:
         }
         write_atomic(self.root / "run.json", seal(value))
 
-    def check_catalogue(self, identity: dict[str, Any]) -> None:
-        """Compare the catalogue's bytes with what run.json says.
+    def check_catalogue(self, identity: dict[str, Any]) -> str:
+        """Compare the catalogue's bytes with what run.json says; returns their SHA-256.
 
         Raises
         ------
@@ -197,8 +202,9 @@ class RunFolder:
         expected = [identity["catalogue"], identity["catalogue_before"]]
         damage = "missing"
         if self.catalogue.exists():
-            if file_digest(self.catalogue) in expected:
-                return
+            found = file_digest(self.catalogue)
+            if found in expected:
+                return str(found["sha256"])
             damage = "damaged: its checksum isn't the one in run.json"
         raise RunFolderError(
             f"{self.catalogue} is {damage}. Put back a copy, or run the job with "
