@@ -88,6 +88,17 @@ class IsolatedChild:
             return Outcome(model_id, "crash", reason=_exit_reason(code), traceback=stack)
         return _outcome(model_id, kind, value, reason, trace)
 
+    def start(self) -> None:
+        """Have a child ready, its server's imports included.
+
+        Raises
+        ------
+        Unavailable
+            When none can be started.
+        """
+        if self._connection is None:
+            self._started()
+
     def restart(self) -> None:
         """End the child; the next model gets a fresh one."""
         self._end()
@@ -157,6 +168,9 @@ class InProcess:
     def run(self, model_id: str, payload: Any) -> Outcome:
         """One model's outcome; raises nothing of what the task does but `Unavailable`."""
         return _outcome(model_id, *_attempt(self._task, payload))
+
+    def start(self) -> None:
+        """Nothing: there is no child."""
 
     def restart(self) -> None:
         """Nothing: there is no child."""

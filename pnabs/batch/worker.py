@@ -63,7 +63,7 @@ class ShardWorker:
         self._at("", "waiting for a shard")
 
     def check(self) -> None:
-        """See whether the worker can do its work.
+        """See whether the worker can do its work, and make it ready.
 
         Raises
         ------
@@ -71,6 +71,7 @@ class ShardWorker:
             When it can't, saying what is out of reach.
         """
         self._work.check()
+        self._child.start()
 
     def run(self, shard: str, on_model: Callable[[int], None] | None = None) -> ShardDone:
         """Process every model of a shard and write the results.
