@@ -143,6 +143,7 @@ def test_retry_tries_the_quarantined_again_and_nothing_else(
     assert len(shards) == len(set(shards)) + 1
 
 
+@pytest.mark.slow
 def test_settings_that_are_set_back_leave_nothing_of_the_others(
     finished: tuple[Path, Result],
     launch: Launcher,
@@ -245,7 +246,7 @@ def test_an_output_that_becomes_read_only_is_told(
     assert ingested(run) == ingested(finished[0])
 
 
-@pytest.mark.parametrize("how", ["gone", "empty"])
+@pytest.mark.parametrize("how", [pytest.param("gone", marks=pytest.mark.slow), "empty"])
 def test_a_dataset_that_vanishes_blames_no_model(
     finished: tuple[Path, Result],
     launch: Launcher,

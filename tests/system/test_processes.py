@@ -123,6 +123,7 @@ def test_one_signal_stops_in_good_order_and_names_the_command_that_goes_on(
     assert lock.holder(started.run) is None
 
 
+@pytest.mark.slow
 def test_a_signal_while_ray_starts(launch: Launcher, tmp_path: Path) -> None:
     started = Started(launch, tmp_path)
     started.wait_for(lambda: bool(list(started.run.glob("events/driver/*"))))

@@ -123,6 +123,7 @@ class StopAfter(Interrupts):
         return 2 if StopAfter.left < 0 else None
 
 
+@pytest.mark.slow
 def test_interrupted_and_run_again_equals_never_interrupted(
     finished: tuple[Path, Result],
     launch: Launcher,
@@ -228,6 +229,7 @@ def test_added_models_are_refused_then_get_shards_of_their_own(
             assert ours[name] == theirs[name]
 
 
+@pytest.mark.slow
 def test_added_models_without_training_again(
     finished: tuple[Path, Result], launch: Launcher, samples: Path, tmp_path: Path
 ) -> None:
