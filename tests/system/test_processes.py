@@ -178,7 +178,7 @@ def test_a_second_driver_is_told_who_holds_the_run_and_a_dead_ones_lock_is_taken
 def head(tmp_path: Path) -> Iterator[str]:
     """A Ray head with its dashboard on loopback; ends with the test."""
     ports = []
-    for _ in range(2):
+    for _ in range(3):
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             ports.append(probe.getsockname()[1])
@@ -188,6 +188,8 @@ def head(tmp_path: Path) -> Iterator[str]:
     process = subprocess.Popen(
         [str(ray), "start", "--head", "--block", f"--port={ports[0]}", "--num-cpus=2",
          "--include-dashboard=true", "--dashboard-host=127.0.0.1", f"--dashboard-port={ports[1]}",
+         # Its default is one for the machine, and other tests' Rays have it.
+         f"--dashboard-agent-listen-port={ports[2]}",
          f"--temp-dir={folder}", "--object-store-memory=100000000", "--disable-usage-stats"],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment(tmp_path / "home"),
         start_new_session=True,
