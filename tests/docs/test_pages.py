@@ -23,6 +23,7 @@ from pnabs.stages.verify import DAMAGE_EXIT_CODE
 from pnabs.store.ledger import ModelVerdict, Record
 from pnabs.store.metrics import SCHEMA
 from pnabs.store.run import RunFolder
+from pnabs.store.sealed import seal
 from tests.docs.pages import DOCS, PAGES, block, blocks, prose
 
 ROOT = DOCS.parent
@@ -137,7 +138,9 @@ def test_the_ledger_example_is_what_is_written() -> None:
     example = json.loads(block("run-folder.md", "json", "pnabs/ledger"))
     models = tuple(ModelVerdict.from_json(model) for model in example["models"])
     fields = {name: example[name] for name in ("stage", "shard", "fingerprint", "outputs")}
-    assert Record(models=models, **fields).to_json() == example
+    record = Record(models=models, **fields).to_json()
+    assert {**record, "sha256": example["sha256"]} == example
+    assert json.loads(seal(record)).keys() == example.keys()
 
 
 def test_the_quarantine_example_has_the_fields_that_are_written(tmp_path: Path) -> None:
@@ -145,7 +148,7 @@ def test_the_quarantine_example_has_the_fields_that_are_written(tmp_path: Path) 
     line = json.loads(block("datasets.md", "json", '"kind"'))
     verdict = ModelVerdict(line["model_id"], line["kind"], line["reason"], line["attempts"])
     ledger.commit(Record("ingest", f"{line['category']}-00000", "", (verdict,), {}))
-    assert json.loads(ledger.write_quarantine("ingest").read_text()) == line
+    assert json.loads(ledger.quarantine("ingest")) == line
 
 
 def test_tables_keys_are_told() -> None:
