@@ -6,7 +6,6 @@ policy forbids loading anything.  Jinja2 escapes every name and reason.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -80,4 +79,4 @@ def write_page(data: ReportData, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(path.name + ".partial")
     partial.write_text(render_page(data), encoding="utf-8", newline="\n")
-    os.replace(partial, path)
+    partial.replace(path)
