@@ -117,7 +117,9 @@ def run_sharded(
         context.events("stage-end", stage=stage)
         if progress.failures:
             raise ShardsFailedError(_failures(progress, len(todo), ""))
-    ledger.save_index(stage)
+    else:
+        # A driver killed after its last commit left them behind.
+        _derive(context, stage)
     _check_failures(context, stage, plans)
 
 

@@ -270,8 +270,10 @@ class Ledger:
         return "".join(self._fallen(stage)).encode()
 
     def write_quarantine(self, stage: str) -> None:
-        """Rewrite the stage's quarantine list."""
-        write_atomic(self.quarantine_path(stage), self.quarantine(stage))
+        """Rewrite the stage's quarantine list where it isn't what the records say."""
+        path, content = self.quarantine_path(stage), self.quarantine(stage)
+        if not path.exists() or path.read_bytes() != content:
+            write_atomic(path, content)
 
     def _fallen(self, stage: str) -> Iterator[str]:
         for shard, entry in sorted(self.index(stage).items()):
