@@ -87,8 +87,9 @@ def run(
     """Do what is missing of JOB, a job file; safe to run again at any time."""
     from pnabs.stages.dry_run import dry_run as describe
     from pnabs.stages.job import load_job
+    from pnabs.stages.options import Options
     from pnabs.stages.progress import Reporter
-    from pnabs.stages.run import Options, run_job
+    from pnabs.stages.run import run_job
 
     reporter = Reporter()
     _check_keep(accept_changes, keep_weights)
@@ -136,9 +137,9 @@ def retry(
 
     A model's shard is done again as a whole, and gives the others the same results.
     """
+    from pnabs.stages.options import Options, Retry
     from pnabs.stages.progress import Reporter
     from pnabs.stages.retry import retry as again
-    from pnabs.stages.run import Options, Retry
 
     with _errors():
         options = Options(
@@ -220,8 +221,8 @@ def status(run: Path, as_json: bool, shards: bool) -> None:
 @run_argument
 def verify(run: Path) -> None:
     """Read everything in RUN back; what is damaged is redone by the next run."""
+    from pnabs.stages.folder import held
     from pnabs.stages.progress import Reporter
-    from pnabs.stages.run import held
     from pnabs.stages.verify import DAMAGE_EXIT_CODE
     from pnabs.stages.verify import verify as read_back
     from pnabs.store.run import RunFolder

@@ -6,8 +6,9 @@ import dataclasses
 
 from pnabs.stages.identity import check_identity
 from pnabs.stages.job import Job, check_weights
+from pnabs.stages.options import Options
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import Options, select
+from pnabs.stages.run import select
 from pnabs.stages.scan import scan
 from pnabs.stages.shards import Shards
 from pnabs.stages.status import StageStatus, context_of, render, status

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from pnabs.stages.errors import UsageError
 from pnabs.stages.job import with_overrides
+from pnabs.stages.options import Options, Retry
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import Options, Result, Retry, run_job
+from pnabs.stages.run import Result, run_job
 from pnabs.stages.status import stored_job
 from pnabs.store.run import RunFolder
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
@@ -16,7 +15,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pnabs.dataset import catalogue as catalogues
-from pnabs.store.atomic import canonical_json, write_atomic
+from pnabs.store.atomic import write_atomic
+from pnabs.store.sealed import SealError, seal_derived, unseal_derived
 
 INPUTS = ("model_id", "source", "size", "reason")
 """Columns that ingest's results depend on."""
@@ -101,8 +101,7 @@ class Shards:
             "inputs": self.digests(INPUTS),
             "model_splits": self.digests(MODELS),
         }
-        body = canonical_json(value)
-        write_atomic(path, hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+        write_atomic(path, seal_derived(value))
 
     def digests(self, columns: tuple[str, ...]) -> list[str]:
         """SHA-256 of each shard's values in these columns."""
@@ -163,12 +162,9 @@ class Shards:
 
 def _load_index(path: Path, sha256: str) -> dict[str, Any] | None:
     try:
-        checksum, _, body = path.read_bytes().partition(b"\n")
-    except OSError:
+        value = unseal_derived(path.read_bytes())
+    except (OSError, SealError):
         return None
-    if hashlib.sha256(body).hexdigest().encode() != checksum:
-        return None
-    value: dict[str, Any] = json.loads(body)
     return value if (value["version"], value["catalogue"]) == (VERSION, sha256) else None
 
 

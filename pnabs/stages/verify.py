@@ -7,9 +7,9 @@ from pathlib import Path
 
 from pnabs.dataset.errors import DatasetError
 from pnabs.stages.errors import UsageError
+from pnabs.stages.folder import describe
 from pnabs.stages.phases import CURVES, RECORD, WEIGHTS, damaged_files
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import describe
 from pnabs.stages.status import stored_context, stored_job
 from pnabs.stages.train_state import STATE, damaged_state, drop
 from pnabs.store.ledger import DamagedRecordError

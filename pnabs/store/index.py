@@ -6,13 +6,12 @@ file times, by which it is compared with the records, so it lies apart from them
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pnabs.store.atomic import canonical_json, write_atomic
+from pnabs.store.atomic import write_atomic
+from pnabs.store.sealed import SealError, seal_derived, unseal_derived
 
 VERSION = 1
 
@@ -47,24 +46,21 @@ class Entry:
 
 
 def save_index(path: Path, entries: Mapping[str, Entry]) -> None:
-    """Write an index: a line with the checksum, then shard -> entry as JSON."""
+    """Write an index, shard -> entry."""
     rows = {
         shard: [e.mtime_ns, e.size, e.fingerprint, e.digest, e.models, e.fallen, e.empty]
         for shard, e in entries.items()
     }
-    body = canonical_json({"format": "pnabs/index", "version": VERSION, "entries": rows})
-    write_atomic(path, hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+    value = {"format": "pnabs/index", "version": VERSION, "entries": rows}
+    write_atomic(path, seal_derived(value))
 
 
 def load_index(path: Path) -> dict[str, Entry]:
     """Read an index; empty when it is missing, damaged or of another version."""
     try:
-        checksum, _, body = path.read_bytes().partition(b"\n")
-    except OSError:
+        value = unseal_derived(path.read_bytes())
+    except (OSError, SealError):
         return {}
-    if hashlib.sha256(body).hexdigest().encode() != checksum:
-        return {}
-    value = json.loads(body)
     if value["version"] != VERSION:
         return {}
     return {

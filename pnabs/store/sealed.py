@@ -1,7 +1,7 @@
 """JSON files that carry their own checksum, over every byte.
 
-The last member is `sha256`, of all bytes before it, so that people can read the
-file, any JSON reader loads it, and no changed, lost or added byte goes unnoticed.
+In those that people may read the last member is `sha256`, of all bytes before it, so
+that any JSON reader loads them, and no changed, lost or added byte goes unnoticed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import hashlib
 import json
 from typing import Any
 
-from pnabs.store.atomic import pretty_json
+from pnabs.store.atomic import canonical_json, pretty_json
 
 _HEAD, _TAIL = b',\n "sha256": "', b'"\n}\n'
 _CLOSE = b"\n}\n"
@@ -39,4 +39,25 @@ def unseal(data: bytes) -> dict[str, Any]:
     if end != _HEAD + hashlib.sha256(body).hexdigest().encode() + _TAIL:
         raise SealError("its checksum doesn't hold")
     value: dict[str, Any] = json.loads(body + _CLOSE)
+    return value
+
+
+def seal_derived(value: dict[str, Any]) -> bytes:
+    """An object as compact JSON below a line with its checksum: quick to read, for programs."""
+    body = canonical_json(value)
+    return hashlib.sha256(body).hexdigest().encode() + b"\n" + body
+
+
+def unseal_derived(data: bytes) -> dict[str, Any]:
+    """The inverse of `seal_derived`.
+
+    Raises
+    ------
+    SealError
+        When a byte differs from what was written.
+    """
+    checksum, _, body = data.partition(b"\n")
+    if hashlib.sha256(body).hexdigest().encode() != checksum:
+        raise SealError("its checksum doesn't hold")
+    value: dict[str, Any] = json.loads(body)
     return value

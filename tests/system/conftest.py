@@ -9,8 +9,9 @@ import pytest
 
 from pnabs.dataset.samples import write_collection
 from pnabs.stages.job import Job, load_job
+from pnabs.stages.options import Options
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import Options, Result, run_job
+from pnabs.stages.run import Result, run_job
 
 JOB = """
 dataset: {{root: {root}, layout: shapenet-v2, shard_size: 4}}

@@ -196,7 +196,8 @@ from pathlib import Path
 from ray.cluster_utils import Cluster
 from pnabs.stages.job import load_job
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import Options, run_job
+from pnabs.stages.options import Options
+from pnabs.stages.run import run_job
 from pnabs.stages.sharded import _Progress
 from pnabs.stages.train import _Watch
 

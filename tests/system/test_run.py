@@ -20,6 +20,7 @@ from pnabs.cli import main
 from pnabs.formats import from_json
 from pnabs.stages.errors import InterruptedRunError, RefusedError, UsageError
 from pnabs.stages.interrupts import Interrupts
+from pnabs.stages.plan import VERSIONS
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Result
 from pnabs.stages.status import status, stored_context
@@ -206,6 +207,54 @@ def test_changed_settings_are_refused_then_redone(
     assert not [
         name for name in changed if name.startswith(("fields", "ledger/ingest", "variants/main/ch"))
     ]
+
+
+@pytest.mark.parametrize(
+    ("stage", "dependent"),
+    [
+        ("abstract", {"abstract"}),
+        pytest.param(
+            "difference", {"difference", "train-negative", "abstract"}, marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_a_newer_version_of_a_stage_is_refused_then_redone(
+    stage: str,
+    dependent: set[str],
+    finished: tuple[Path, Result],
+    launch: Launcher,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+    monkeypatch.setitem(VERSIONS, stage, VERSIONS[stage] + 1)
+    before = len(list(read_events(run)))
+    with pytest.raises(RefusedError) as refused:
+        launch(run)
+    now = VERSIONS[stage]
+    assert refused.value.exit_code == 4
+    assert f"  stage {stage}: version {now - 1} -> {now}\n" in str(refused.value)
+    assert tree(run) == tree(finished[0])
+    launch(run, accept=True)
+    done = list(read_events(run))[before:]
+    shards = [event["stage"] for event in done if event["event"] == "shard"]
+    phases = [event["phase"] for event in done if event["event"] == "phase-start"]
+    assert set(shards) == dependent - {"train-negative"}
+    # Each of its five shards once.
+    assert {shards.count(name) for name in shards} == {5}
+    assert {f"train-{phase.partition('-')[0]}" for phase in phases} == (
+        dependent & {"train-negative"}
+    )
+    # The version is all that differs, so the same results came out of it.
+    ours, theirs = tree(run), tree(finished[0])
+    results = [name for name in theirs if name.endswith((".glb", "abstraction.json", ".parquet"))]
+    assert results
+    assert [name for name in results if ours[name] != theirs[name]] == []
+    # And from now on there is nothing to accept.
+    count = len(list(read_events(run)))
+    launch(run)
+    assert [e for e in list(read_events(run))[count:] if e["event"] == "shard"] == []
 
 
 def test_added_models_are_refused_then_get_shards_of_their_own(

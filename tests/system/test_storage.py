@@ -24,7 +24,8 @@ from ray.cluster_utils import Cluster
 from pnabs.stages.errors import RunError
 from pnabs.stages.job import load_job
 from pnabs.stages.progress import Reporter
-from pnabs.stages.run import Options, run_job
+from pnabs.stages.options import Options
+from pnabs.stages.run import run_job
 from pnabs.stages.sharded import _Progress
 
 job, blocked = Path(sys.argv[1]), sys.argv[2]
