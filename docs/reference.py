@@ -1,4 +1,5 @@
-"""Writes pages/settings.md from pnabs.settings: names, types, defaults and docstrings.
+"""Writes what the code already says: pages/settings.md, from pnabs.settings, and
+pages/abstraction.schema.json, from the reader of abstraction.json.
 
 Run it from the repository's root: `python docs/reference.py`.
 """
@@ -16,10 +17,12 @@ import yaml
 from pydantic import BaseModel
 
 from pnabs import settings
+from pnabs.formats.json_format import schema
 from pnabs.stages.job import PRESETS
 from pnabs.stages.plan import VERSIONS, recipe_digest
 
 PAGE = Path(__file__).parent / "pages" / "settings.md"
+SCHEMA = PAGE.with_name("abstraction.schema.json")
 
 HEAD = """\
 # Settings
@@ -176,3 +179,4 @@ def _escape(cell: str) -> str:
 
 if __name__ == "__main__":
     PAGE.write_text(render())
+    SCHEMA.write_text(json.dumps(schema(), indent=1) + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import json
+import os
 import shlex
 import sys
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ STAGES = (
     *("scan", "ingest", "train-positive", "difference"),
     *("train-negative", "abstract", "report"),
 )
+FORMATS = ("json", "glb", "parts", "obj", "ply", "stl", "urdf", "mjcf")
 KINDS = ("invalid", "error", "crash", "timeout", "memory")
 
 
@@ -253,6 +255,67 @@ def report(run: Path) -> None:
         tables = stage.run(stored_context(folder, Reporter()), identity.get("command", ""))
     click.echo(tables, nl=False)
     click.echo(f"\nreport: {folder.report / 'index.html'}")
+
+
+@main.command()
+@click.argument(
+    "meshes", metavar="MESH...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Where results go: DIR/<path of the mesh>/abstraction.json and so on.",
+)
+@click.option(
+    "--weights", default="shipped", show_default=True, help="Folder with trained weights."
+)
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    type=click.Choice(FORMATS),
+    help="What to write beside abstraction.json [glb]; may be repeated.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Meshes at a time [one a CPU].")
+@click.option("--seed", default=0, show_default=True, help="Same seed, same results.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Replace a setting.")
+@click.option("--max-failed", type=click.FloatRange(0, 100), help="Per cent that may fall out [5].")
+@click.option("--retry", is_flag=True, help="Try again what was quarantined before.")
+def abstract(
+    meshes: tuple[Path, ...],
+    out: Path,
+    weights: str,
+    formats: tuple[str, ...],
+    jobs: int | None,
+    seed: int,
+    overrides: tuple[str, ...],
+    max_failed: float | None,
+    retry: bool,
+) -> None:
+    """Abstract mesh files, and the meshes in folders: no dataset, no training, no Ray.
+
+    Run it again to go on, or for files that are new or have changed; what is done stays.
+    """
+    from pnabs.dataset.files import find_files
+    from pnabs.stages.files import abstract_files, files_job
+    from pnabs.stages.progress import Reporter
+
+    if max_failed is not None:
+        overrides = (*overrides, f"runtime.max_failed={max_failed}")
+    with _errors():
+        found = find_files(meshes, out)
+        job = files_job(found, out, weights, seed, formats or ("glb",), overrides)
+        summary = abstract_files(
+            found,
+            job,
+            jobs=jobs or len(os.sched_getaffinity(0)),
+            retry=retry,
+            command=shlex.join(["pnabs", *sys.argv[1:]]),
+            reporter=Reporter(),
+        )
+    click.echo(summary.text, nl=False)
+    sys.exit(summary.exit_code)
 
 
 @main.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,11 @@ import numpy as np
 from pnabs import settings
 from pnabs.formats import Abstraction
 from pnabs.geometry.difference import difference_volume
+from pnabs.geometry.fields import compute_fields
 from pnabs.geometry.metrics import measure
 from pnabs.geometry.postprocess import postprocess
-from pnabs.geometry.solidify import SolidMesh, solidify
-from pnabs.geometry.types import Bool, Cuboids, Float32, Float64
+from pnabs.geometry.solidify import solidify
+from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Mesh
 
 if TYPE_CHECKING:
     import torch
@@ -59,14 +61,6 @@ class Prediction:
     positives: Cuboids
     negatives: Cuboids
     difference: Bool
-
-
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """An abstraction with its mesh in the normalised frame."""
-
-    abstraction: Abstraction
-    mesh: SolidMesh
 
 
 class Predictor:
@@ -148,7 +142,7 @@ def finish(
     model_id: str,
     rng: np.random.Generator,
     provenance: dict[str, Any],
-) -> Finished:
+) -> Abstraction:
     """From predicted cuboids to the checked, measured abstraction (METHOD, abstraction).
 
     Post-processes the negatives, crops, drops debris, checks and measures.
@@ -193,7 +187,7 @@ def finish(
         "pieces_dropped": len(solid.mesh.dropped),
         "jitter_attempt": solid.recipe.jitter_attempt,
     }
-    abstraction = Abstraction.from_solid(
+    return Abstraction.from_solid(
         solid,
         category=category,
         model_id=model_id,
@@ -203,4 +197,63 @@ def finish(
         metrics=metrics,
         provenance=provenance,
     )
-    return Finished(abstraction, solid.mesh)
+
+
+class Abstractor:
+    """Meshes to abstractions with trained networks, one at a time.
+
+    A mesh gets what a run of the same settings and weights gives it under the same name.
+
+    Parameters
+    ----------
+    job : Settings
+        With weights.
+
+    Raises
+    ------
+    pnabs.model.checkpoint.CheckpointError
+        When the weights can't be read.
+    """
+
+    def __init__(self, job: settings.Settings) -> None:
+        folder = job.weights_folder
+        if folder is None:
+            raise ValueError("there are no weights: give settings with `weights`")
+        negative = folder / "negative.safetensors" if job.abstract.negatives else None
+        self._job = job
+        self._predictor = Predictor(
+            folder / "positive.safetensors", negative, job, job.runtime.threads
+        )
+
+    def __call__(
+        self, mesh: Mesh, *, category: str, model_id: str, provenance: dict[str, Any]
+    ) -> Abstraction:
+        """The abstraction of one mesh, which is in the input's coordinates.
+
+        Raises
+        ------
+        pnabs.geometry.load.InvalidMeshError
+            When no solid can be made of it.
+        """
+        job = self._job
+        rng = model_rng(job.seed, "ingest", category, model_id)
+        fields = compute_fields(mesh, job.ingest, job.dataset.layout, rng)
+        shape = Shape(
+            fields.occupancy, fields.occupancy_64, fields.sdf, fields.surface, fields.transform
+        )
+        (prediction,) = self._predictor(shape.occupancy[None], shape.sdf[None])
+        return finish(
+            prediction,
+            shape,
+            job.abstract,
+            category=category,
+            model_id=model_id,
+            rng=model_rng(job.seed, "abstract", category, model_id),
+            provenance=provenance,
+        )
+
+
+def model_rng(seed: int, stage: str, category: str, model_id: str) -> np.random.Generator:
+    """A model's own random numbers: from the job's seed and its name, never from order or time."""
+    name = f"{seed}/{stage}/{category}/{model_id}".encode()
+    return np.random.default_rng(int.from_bytes(hashlib.sha256(name).digest()[:16], "big"))

@@ -21,8 +21,12 @@ from pydantic import (
     field_validator,
 )
 
+SHIPPED_WEIGHTS = Path(__file__).parent / "weights"
+"""The weights that come with pnabs."""
+
 Share = Annotated[float, Field(ge=0, le=1)]
 Layout = Literal["shapenet-v1", "shapenet-v2", "folder"]
+FormatName = Literal["json", "glb", "parts", "obj", "ply", "stl", "urdf", "mjcf"]
 
 _S3_URL = re.compile(r"s3://([A-Za-z0-9][A-Za-z0-9._-]{1,61}[A-Za-z0-9])(?:/(.*?)/?)?")
 # pathlib makes one slash of two.
@@ -58,6 +62,10 @@ def _on_disk(value: object) -> object:
     if _URL.match(str(value)):
         raise ValueError("must be a folder on a file system that all workers share, not a URL")
     return value
+
+
+def _weights(value: object) -> object:
+    return Path(value) if isinstance(value, str) and value != "shipped" else value
 
 
 class Group(BaseModel):
@@ -243,10 +251,16 @@ class Abstract(Group):
     """Random change of each cuboid when a crop fails its check and is made again."""
     metric_samples: PositiveInt = 10_000
     """Surface samples a side for the Chamfer distances."""
-    write_json: bool = True
-    """Write abstraction.json for each model."""
-    write_glb: bool = True
-    """Write abstraction.glb for each model."""
+    formats: tuple[FormatName, ...] = ("json", "glb")
+    """What is written for each model: `json` (the parameters, from which all others follow), `glb`
+    (the checked mesh), `parts` (GLB, a node for what is left of each positive), `obj`, `ply`,
+    `stl`, and for physics engines, in convex pieces, `urdf` and `mjcf`; metrics are kept in any
+    case."""
+
+    @field_validator("formats", mode="before")
+    @classmethod
+    def _one_is_a_list_of_one(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
 
 
 class Runtime(Group):
@@ -293,8 +307,9 @@ class Settings(Group):
     """All random numbers come from it and the models' ids."""
     preset: Literal["best", "paper"] = "best"
     """`paper` takes the paper's numbers and nothing beyond them; `best` what measured best."""
-    weights: Path | None = None
-    """Folder with trained weights to use instead of training."""
+    weights: Annotated[Path | Literal["shipped"] | None, BeforeValidator(_weights)] = None
+    """Trained weights to use instead of training: a folder, or `shipped` for those that come with
+    pnabs (a folder of that name is `./shipped`)."""
     ingest: Ingest = Ingest()
     network: Network = Network()
     training: Training = Training()
@@ -304,3 +319,8 @@ class Settings(Group):
     report: Report = Report()
     variants: dict[str, dict[str, Any]] = {"main": {}}
     """Named sets of dotted keys that replace settings for everything from training on."""
+
+    @property
+    def weights_folder(self) -> Path | None:
+        """The folder of the weights to use instead of training; None to train."""
+        return SHIPPED_WEIGHTS if self.weights == "shipped" else self.weights

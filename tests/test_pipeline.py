@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from pnabs.formats import Abstraction
 from pnabs.geometry.difference import difference_volume
 from pnabs.geometry.fields import compute_fields
 from pnabs.geometry.types import Cuboids, Mesh
-from pnabs.pipeline import Finished, Prediction, Shape, finish, thickened
+from pnabs.pipeline import Prediction, Shape, finish, thickened
 from pnabs.settings import Abstract, Difference, Ingest
 
 IDENTITY = [1.0, 0.0, 0.0, 0.0]
@@ -37,7 +38,7 @@ def table() -> Shape:
     )
 
 
-def finished(shape: Shape, positives: Cuboids, negatives: Cuboids, **options: bool) -> Finished:
+def finished(shape: Shape, positives: Cuboids, negatives: Cuboids, **options: bool) -> Abstraction:
     volume = difference_volume(positives, shape.occupancy, shape.sdf, Difference())
     return finish(
         Prediction(positives, negatives, volume),
@@ -54,13 +55,13 @@ def test_a_negative_opens_the_space_under_the_table(table: Shape) -> None:
     block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
     under = boxes(([0.76, 0.82, 0.75], [0.0, -0.1, 0.0]))
     result = finished(table, block, under)
-    metrics = result.abstraction.metrics
+    metrics = result.metrics
     assert metrics["negatives_kept"] == 1
     assert metrics["iou_64"] > 0.85
     assert metrics["iou_64_positives"] < 0.55
     assert metrics["open_space"] > 0.9 > 0.1 > metrics["open_space_positives"]
-    assert result.abstraction.check["ok"]
-    mesh = result.abstraction.mesh()
+    assert result.check["ok"]
+    mesh = result.mesh()
     np.testing.assert_allclose(mesh.vertices.min(axis=0), [4, -0.9, -0.6], atol=0.03)
     np.testing.assert_allclose(mesh.vertices.max(axis=0), [6, 1.0, 0.6], atol=0.03)
 
@@ -68,9 +69,9 @@ def test_a_negative_opens_the_space_under_the_table(table: Shape) -> None:
 def test_a_negative_in_the_shape_is_discarded(table: Shape) -> None:
     block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
     result = finished(table, block, boxes(([0.3, 0.3, 0.3], [0.0, 0.4, 0.0])))
-    assert result.abstraction.metrics["discarded_deep"] == 1
-    assert len(result.abstraction.negatives) == 0
-    assert result.abstraction.metrics["iou_64"] == result.abstraction.metrics["iou_64_positives"]
+    assert result.metrics["discarded_deep"] == 1
+    assert len(result.negatives) == 0
+    assert result.metrics["iou_64"] == result.metrics["iou_64_positives"]
 
 
 def test_a_sheet_without_thickness_stays_and_a_speck_goes(table: Shape) -> None:
@@ -79,16 +80,16 @@ def test_a_sheet_without_thickness_stays_and_a_speck_goes(table: Shape) -> None:
         thickened(positives, 2e-3).scale, np.array([[1.0, 2e-3, 0.6]], np.float32)
     )
     result = finished(table, positives, Cuboids.empty())
-    assert result.abstraction.metrics["positives"] == 1
-    assert result.abstraction.check["ok"]
-    assert len(result.mesh.faces) == 12
+    assert result.metrics["positives"] == 1
+    assert result.check["ok"]
+    assert len(result.solid.faces) == 12
 
 
 def test_everything_cropped_away_is_kept_but_marked(table: Shape) -> None:
     small = boxes(([0.1, 0.1, 0.1], [0.0, 0.0, 0.0]))
     big = boxes(([0.5, 0.5, 0.5], [0.0, 0.0, 0.0]))
     result = finished(table, small, big, postprocess=False)
-    assert result.mesh.is_empty
-    assert not result.abstraction.check["ok"]
-    assert result.abstraction.metrics["iou_64"] == 0
-    assert "cd_l1" not in result.abstraction.metrics
+    assert result.solid.is_empty
+    assert not result.check["ok"]
+    assert result.metrics["iou_64"] == 0
+    assert "cd_l1" not in result.metrics

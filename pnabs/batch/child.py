@@ -18,6 +18,7 @@ import resource
 import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -31,6 +32,8 @@ START_SECONDS = 300.0
 
 GRACE_SECONDS = 5.0
 """A child ends itself at the deadline; after this longer it is killed."""
+
+_STARTING = threading.Lock()
 
 
 class IsolatedChild:
@@ -57,6 +60,7 @@ class IsolatedChild:
         self._connection: multiprocessing.connection.Connection | None = None
         # The child's last words: which line hung or crashed.
         self._words: IO[bytes] | None = None
+        self._abandoned = False
 
     def run(self, model_id: str, payload: Any) -> Outcome:
         """One model's outcome.
@@ -76,6 +80,9 @@ class IsolatedChild:
             kind, value, reason, trace = connection.recv()
         except (EOFError, OSError):
             # OSError too, where it died while it sent its result.
+            if self._abandoned:
+                self._end()
+                raise Unavailable("stopped") from None
             # The child's own timer ends it at the deadline, at once or a moment later.
             late = time.monotonic() - started >= deadline
             process = self._process
@@ -107,8 +114,17 @@ class IsolatedChild:
         """End the child for good."""
         self._end()
 
+    def abandon(self) -> None:
+        """From another thread: end the child, so that what is in flight raises `Unavailable`."""
+        self._abandoned = True
+        process = self._process
+        with contextlib.suppress(AttributeError, ValueError):
+            process.kill()
+
     def _started(self) -> multiprocessing.connection.Connection:
         """A connection to a new child that is ready for work."""
+        if self._abandoned:
+            raise Unavailable("stopped")
         # Named until the child has opened it, so that nothing is left wherever this ends.
         descriptor, name = tempfile.mkstemp(prefix="pnabs-stack-")
         self._words = os.fdopen(descriptor, "rb")
@@ -133,7 +149,7 @@ class IsolatedChild:
             args=(theirs, self._task, self._limits, stack),
             daemon=True,
         )
-        with _main_hidden():
+        with _STARTING, _main_hidden():
             self._process.start()
         theirs.close()
         self._connection = ours
@@ -176,6 +192,9 @@ class InProcess:
         """Nothing: there is no child."""
 
     def close(self) -> None:
+        """Nothing: there is no child."""
+
+    def abandon(self) -> None:
         """Nothing: there is no child."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,6 +18,7 @@ __all__ = [
     "Watcher",
     "describe",
     "full_or_readonly",
+    "serve",
 ]
 
 _HOPELESS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -70,26 +71,37 @@ class InlineExecutor:
         self, work: ShardWork, shards: Sequence[str], watcher: Watcher
     ) -> Iterator[ShardDone | ShardFailed]:
         """Shards one after another."""
-        worker = ShardWorker(work, self._limits)
-        try:
-            worker.check()
-            for shard in shards:
-                watcher.started(shard, worker.where)
-                try:
-                    result: ShardDone | ShardFailed = worker.run(shard, _Through(watcher))
-                except _Stopped as stopped:
-                    raise stopped.reason from None
-                except Exception as error:
-                    result = ShardFailed(shard, describe(error))
-                    yield result
-                    if full_or_readonly(error):
-                        raise Unavailable(result.reason) from error
-                    # Raises when the next shard would fail of the same.
-                    worker.check()
-                else:
-                    yield result
-        finally:
-            worker.close()
+        yield from serve(ShardWorker(work, self._limits), shards, watcher)
+
+
+def serve(
+    worker: ShardWorker, shards: Iterable[str], watcher: Watcher
+) -> Iterator[ShardDone | ShardFailed]:
+    """Shards one after another by one worker, which is closed at the end.
+
+    Raises
+    ------
+    Unavailable
+        When the next shard would fail of the same as the last.
+    """
+    try:
+        worker.check()
+        for shard in shards:
+            watcher.started(shard, worker.where)
+            try:
+                result: ShardDone | ShardFailed = worker.run(shard, _Through(watcher))
+            except _Stopped as stopped:
+                raise stopped.reason from None
+            except Exception as error:
+                result = ShardFailed(shard, describe(error))
+                yield result
+                if full_or_readonly(error):
+                    raise Unavailable(result.reason) from error
+                worker.check()
+            else:
+                yield result
+    finally:
+        worker.close()
 
 
 class _Stopped(BaseException):

@@ -132,6 +132,10 @@ class ShardWorker:
         """End the child."""
         self._child.close()
 
+    def abandon(self) -> None:
+        """From another thread: make the shard in flight end at once, by `Unavailable`."""
+        self._child.abandon()
+
     def _try(self, shard: str, model_id: str, payload: Any) -> Outcome:
         self._at(shard, f"model {model_id}")
         outcome = self._child.run(model_id, payload)

@@ -93,7 +93,7 @@ class Folder:
 
     def models(self, dataset: Dataset, place: str) -> Iterator[Model]:
         stems: dict[str, list[str]] = defaultdict(list)
-        for path in self._paths(dataset, place):
+        for path in self.paths(dataset, place):
             stem, suffix = posixpath.splitext(path)
             stems[stem if suffix.lower() in MESH_SUFFIXES else path].append(path)
         taken = set(stems)
@@ -106,7 +106,7 @@ class Folder:
                 taken.add(model_id)
                 yield Model(model_id, place + path)
 
-    def _paths(self, dataset: Dataset, place: str) -> Iterator[str]:
+    def paths(self, dataset: Dataset, place: str) -> Iterator[str]:
         """Paths of meshes below a place, and of folders that can't be entered."""
         pending = [""]
         while pending:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pnabs.geometry.check import CheckReport
-from pnabs.geometry.solidify import CropRecipe, SolidMesh, SolidResult, make_solid
+from pnabs.geometry.solidify import CropRecipe, SolidMesh, SolidResult, make_checked, make_solid
 from pnabs.geometry.types import Cuboids, Float64, Mesh
 
 
@@ -95,17 +95,55 @@ class Abstraction:
         abstraction.__dict__["solid"] = solid.mesh
         return abstraction
 
-    @cached_property
-    def solid(self) -> SolidMesh:
-        """The cropped mesh in the normalised frame, made again from the cuboids."""
-        recipe = CropRecipe(
+    @property
+    def recipe(self) -> CropRecipe:
+        """How the mesh is made from the cuboids."""
+        return CropRecipe(
             min_side=float(self.crop["min_side"]),
             jitter=float(self.crop["jitter"]),
             jitter_seed=int(self.crop["jitter_seed"]),
             jitter_attempt=int(self.crop["jitter_attempt"]),
             debris=float(self.debris["threshold"]),
         )
-        return make_solid(self.positives, self.negatives, recipe)
+
+    @cached_property
+    def solid(self) -> SolidMesh:
+        """The cropped mesh in the normalised frame, made again from the cuboids."""
+        return make_solid(self.positives, self.negatives, self.recipe)
+
+    def edited(
+        self, *, positives: Cuboids | None = None, negatives: Cuboids | None = None
+    ) -> Abstraction:
+        """The abstraction with other cuboids, cropped and checked anew.
+
+        Its metrics are counts alone: distances and overlaps need the shape.
+
+        Parameters
+        ----------
+        positives, negatives : Cuboids, optional
+            In the normalised frame; as they are where left out.
+        """
+        positives = self.positives if positives is None else positives
+        negatives = self.negatives if negatives is None else negatives
+        solid = make_checked(positives, negatives, replace(self.recipe, jitter_attempt=0))
+        counts: dict[str, float | int] = {
+            "positives": len(positives),
+            "negatives_kept": len(negatives),
+            "faces": len(solid.mesh.faces),
+            "pieces": solid.mesh.pieces,
+            "pieces_dropped": len(solid.mesh.dropped),
+            "jitter_attempt": solid.recipe.jitter_attempt,
+        }
+        return Abstraction.from_solid(
+            solid,
+            category=self.category,
+            model_id=self.model_id,
+            positives=positives,
+            negatives=negatives,
+            transform=self.transform,
+            metrics=counts,
+            provenance={**self.provenance, "edited": True},
+        )
 
     def mesh(self) -> Mesh:
         """The closed mesh in the input's coordinates: `solid`, placed by `transform`."""
@@ -119,7 +157,8 @@ class Abstraction:
         Parameters
         ----------
         path : str or Path
-            Ends in one of `pnabs.formats.WRITERS`.
+            Ends in the suffix of one of `pnabs.formats.FORMATS`, such as `.json`, `.glb`,
+            `.parts.glb`, `.urdf`.  What the format needs beside that file is written beside it.
 
         Raises
         ------
@@ -127,11 +166,13 @@ class Abstraction:
             No format has this suffix.
         """
         # The writers take this class, so the registry can't be known before it.
-        from pnabs.formats import WRITERS
+        from pnabs.formats.registry import format_of, written
 
         path = Path(path)
-        writer = WRITERS.get(path.suffix.lower())
-        if writer is None:
-            known = ", ".join(sorted(WRITERS))
-            raise ValueError(f"{path.name}: no format has this suffix; choose one of {known}")
-        path.write_bytes(writer(self))
+        name, stem = format_of(path)
+        files = written(self, [name], stem)
+        path.write_bytes(files.pop(next(iter(files))))
+        for beside, data in files.items():
+            place = path.parent / beside
+            place.parent.mkdir(exist_ok=True)
+            place.write_bytes(data)

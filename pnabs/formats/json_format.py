@@ -29,13 +29,20 @@ _Row = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True
+    )
 
 
-class _Cuboid(_Strict):
+class Cuboid(_Strict):
+    """A point u of [-1/2, 1/2]^3 goes to R(rotation) (scale * u) + translation."""
+
     scale: Annotated[list[_Side], Field(min_length=3, max_length=3)]
+    """Full side lengths along the cuboid's own axes."""
     rotation: _Row
+    """Unit quaternion, w first."""
     translation: Annotated[list[_Float32], Field(min_length=3, max_length=3)]
+    """The centre."""
 
     @field_validator("rotation")
     @classmethod
@@ -45,37 +52,66 @@ class _Cuboid(_Strict):
         return rotation
 
 
-class _Crop(_Strict):
+class Crop(_Strict):
+    """How the mesh is made from the cuboids."""
+
     min_side: _NonNegative
+    """Cuboids with a shorter side take no part."""
     jitter: _NonNegative
+    """Size of the random change of each cuboid."""
     jitter_seed: _Count
+    """Seed of the random change."""
     jitter_attempt: _Count
+    """Number of the random change; 0 changes nothing."""
 
 
-class _Piece(_Strict):
+class Piece(_Strict):
+    """A connected piece that was left out, in normalised units."""
+
     area: FiniteFloat
+    """Of its surface."""
     share: FiniteFloat
+    """Of the area of all pieces."""
     volume: FiniteFloat
+    """Of what it encloses."""
 
 
-class _Debris(_Strict):
+class Debris(_Strict):
+    """The pieces left out."""
+
     threshold: Annotated[float, Field(ge=0, le=1)]
-    dropped: list[_Piece]
+    """Pieces with a smaller share of the total surface area are left out."""
+    dropped: list[Piece]
+    """From the largest to the smallest."""
 
 
-class _Document(_Strict):
+class Document(_Strict):
+    """A shape as positive cuboids cropped by negative ones (pnabs/abstraction, version 1)."""
+
     format: Literal["pnabs/abstraction"]
+    """Tells it from other JSON."""
     version: Literal[1]
+    """Rises when meaning or form change."""
     category: str
+    """Category of the model; may be empty."""
     model_id: str
-    positives: list[_Cuboid]
-    negatives: list[_Cuboid]
+    """Name of the model in its category; may have slashes."""
+    positives: list[Cuboid]
+    """In the normalised frame, as they were cropped."""
+    negatives: list[Cuboid]
+    """In the normalised frame, as they were cropped."""
     transform: Annotated[list[_Row], Field(min_length=4, max_length=4)]
-    crop: _Crop
-    debris: _Debris
+    """Normalised frame to the input's coordinates, 4 x 4, row by row; the last is [0, 0, 0, 1]."""
+    crop: Crop
+    """How the mesh is made from the cuboids."""
+    debris: Debris
+    """What was left out of it."""
     metrics: dict[str, int | FiniteFloat | None]
+    """What was measured; null where a distance isn't defined."""
     check: dict[str, bool | int]
+    """Findings about the written mesh; `ok` where nothing is wrong with it."""
     provenance: dict[str, Any]
+    """What made it."""
 
     @field_validator("transform")
     @classmethod
@@ -83,6 +119,14 @@ class _Document(_Strict):
         if transform[3] != [0, 0, 0, 1]:
             raise ValueError("must be affine: its last row is [0, 0, 0, 1]")
         return transform
+
+
+def schema() -> dict[str, Any]:
+    """The form of `abstraction.json` as a JSON schema (draft 2020-12)."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **Document.model_json_schema(),
+    }
 
 
 def to_json(abstraction: Abstraction) -> bytes:
@@ -150,7 +194,7 @@ def from_json(data: bytes) -> Abstraction:
             "use a pnabs as new as the one that wrote it"
         )
     try:
-        found = _Document.model_validate(document)
+        found = Document.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "the document"
@@ -181,7 +225,7 @@ def _shortest(values: Float32) -> list[float]:
     return [float(str(value)) for value in values]
 
 
-def _cuboids(records: list[_Cuboid]) -> Cuboids:
+def _cuboids(records: list[Cuboid]) -> Cuboids:
     def column(values: list[list[float]], width: int) -> Float32:
         return np.array(values, dtype=np.float32).reshape(-1, width)
 

@@ -46,18 +46,39 @@ class CropResult:
 
 
 @dataclass(frozen=True, slots=True)
-class _Boxes:
-    """Cuboids in float64, with their indices in the set they were chosen from."""
+class Boxes:
+    """Cuboids as they are cropped.
+
+    Attributes
+    ----------
+    scale : (N, 3) float64
+        Full side lengths.
+    rotation : (N, 4) float64
+        Unit quaternions, w first.
+    translation : (N, 3) float64
+    index : (N,) int64
+        Of each in the set that they were chosen from.
+    """
 
     scale: Float64
     rotation: Float64
     translation: Float64
     index: Int64
 
+    def __getitem__(self, row: int) -> Boxes:
+        """One of them, as a set."""
+        one = slice(row, row + 1)
+        return Boxes(self.scale[one], self.rotation[one], self.translation[one], self.index[one])
+
+    @property
+    def axes(self) -> Float64:
+        """Rotation matrices, (N, 3, 3): columns are the boxes' own axes."""
+        return quaternion.to_matrix(self.rotation)
+
     def solids(self) -> list[Manifold]:
         """Each as a manifold with an id of its own."""
         unit = Manifold.cube((1.0, 1.0, 1.0), True)
-        matrices = quaternion.to_matrix(self.rotation) * self.scale[:, None, :]
+        matrices = self.axes * self.scale[:, None, :]
         placed = np.concatenate([matrices, self.translation[:, :, None]], axis=2)
         return [unit.transform(matrix).as_original() for matrix in placed]
 
@@ -69,6 +90,39 @@ def croppable(cuboids: Cuboids, min_side: float) -> Bool:
     """
     finite = np.all(np.isfinite(cuboids.as_vector()), axis=1)
     return np.asarray(finite & np.all(np.abs(cuboids.scale) >= min_side, axis=1))
+
+
+def placed(
+    positives: Cuboids,
+    negatives: Cuboids,
+    *,
+    min_side: float,
+    jitter: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> tuple[Boxes, Boxes]:
+    """Positives and negatives as they are cropped.
+
+    Parameters
+    ----------
+    positives, negatives : Cuboids
+        Those not finite or with a side shorter than `min_side` are left out.
+    min_side : float
+        In normalised units.
+    jitter : float
+        Each cuboid is turned by about that many radians, shifted and grown by about that
+        length, at random: sides that coincide no longer do.
+    rng : numpy.random.Generator, optional
+        Needed with jitter alone.
+
+    Raises
+    ------
+    ValueError
+        Jitter without `rng`.
+    """
+    if jitter and rng is None:
+        raise ValueError("a crop with jitter needs a random generator: pass rng")
+    added = _boxes(positives, min_side, jitter, rng)
+    return added, _boxes(negatives, min_side, jitter, rng)
 
 
 def crop(
@@ -83,15 +137,8 @@ def crop(
 
     Parameters
     ----------
-    positives, negatives : Cuboids
-        Those not finite or with a side shorter than `min_side` are left out.
-    min_side : float
-        In normalised units.
-    jitter : float
-        Each cuboid is turned by about that many radians, shifted and grown by about that
-        length, at random: sides that coincide no longer do.
-    rng : numpy.random.Generator, optional
-        Needed with jitter alone.
+    positives, negatives, min_side, jitter, rng
+        As `placed`.
 
     Returns
     -------
@@ -103,10 +150,7 @@ def crop(
     ValueError
         Jitter without `rng`.
     """
-    if jitter and rng is None:
-        raise ValueError("a crop with jitter needs a random generator: pass rng")
-    added = _boxes(positives, min_side, jitter, rng)
-    removed = _boxes(negatives, min_side, jitter, rng)
+    added, removed = placed(positives, negatives, min_side=min_side, jitter=jitter, rng=rng)
     if not len(added.index):
         return CropResult.nothing()
     solids = added.solids()
@@ -138,7 +182,7 @@ def to_float32_mesh(result: CropResult) -> tuple[Float32, NDArray[np.int32]]:
 
 def _boxes(
     cuboids: Cuboids, min_side: float, jitter: float, rng: np.random.Generator | None
-) -> _Boxes:
+) -> Boxes:
     index = np.flatnonzero(croppable(cuboids, min_side))
     chosen = cuboids[index]
     scale = np.abs(chosen.scale.astype(np.float64))
@@ -149,7 +193,7 @@ def _boxes(
         scale = np.maximum(scale + moves[:, 0], min_side)
         rotation = quaternion.multiply(quaternion.from_rotation_vector(moves[:, 1]), rotation)
         translation = translation + moves[:, 2]
-    return _Boxes(scale, rotation, translation, index)
+    return Boxes(scale, rotation, translation, index)
 
 
 def _deepest(points: Float64, positives: Cuboids, index: Int64) -> Int64:

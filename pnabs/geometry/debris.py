@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pnabs.geometry.crop import CropResult
 from pnabs.geometry.inside import winding_number
-from pnabs.geometry.types import Float64, Int64
+from pnabs.geometry.types import Bool, Float64, Int64
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +75,13 @@ def find_pieces(result: CropResult) -> Pieces:
     )
 
 
+def is_debris(pieces: Pieces, threshold: float) -> Bool:
+    """Which pieces have less than `threshold` of the area of all, (K,) bool; never the largest."""
+    small = pieces.area < threshold * pieces.area.sum()
+    small[np.argmax(pieces.area)] = False
+    return np.asarray(small)
+
+
 def drop_debris(
     result: CropResult, threshold: float
 ) -> tuple[CropResult, list[dict[str, float]], int]:
@@ -98,8 +105,7 @@ def drop_debris(
     if not len(pieces):
         return result, [], 0
     share = pieces.area / pieces.area.sum()
-    small = share < threshold
-    small[np.argmax(pieces.area)] = False
+    small = is_debris(pieces, threshold)
     if not small.any():
         return result, [], len(pieces)
     order = np.flatnonzero(small)

@@ -5,7 +5,8 @@ METHOD, "Abstraction" steps 3 to 5; section 3.4 of the paper.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,13 @@ class CropRecipe:
     jitter_seed: int
     jitter_attempt: int
     debris: float
+
+    def options(self) -> dict[str, Any]:
+        """Keyword arguments of `pnabs.geometry.crop.crop` and `placed`, with fresh randomness."""
+        if not self.jitter_attempt:
+            return {"min_side": self.min_side}
+        rng = np.random.default_rng([self.jitter_seed, self.jitter_attempt])
+        return {"min_side": self.min_side, "jitter": self.jitter, "rng": rng}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +111,7 @@ def make_solid(positives: Cuboids, negatives: Cuboids, recipe: CropRecipe) -> So
     -------
     SolidMesh
     """
-    again = recipe.jitter_attempt > 0
-    cropped = crop(
-        positives,
-        negatives,
-        min_side=recipe.min_side,
-        jitter=recipe.jitter if again else 0.0,
-        rng=np.random.default_rng([recipe.jitter_seed, recipe.jitter_attempt]) if again else None,
-    )
+    cropped = crop(positives, negatives, **recipe.options())
     kept, dropped, pieces = drop_debris(cropped, recipe.debris)
     vertices, faces = to_float32_mesh(kept)
     return SolidMesh(vertices, faces, kept.source.astype(np.int32), dropped, pieces)
@@ -141,11 +142,15 @@ def solidify(
         The first that passes, or the last.  Empty, and not ok, if nothing is left.
     """
     seed = int(rng.integers(2**32))
-    attempt = 0
+    recipe = CropRecipe(options.min_side, options.jitter, seed, 0, options.debris)
+    return make_checked(positives, negatives, recipe)
+
+
+def make_checked(positives: Cuboids, negatives: Cuboids, recipe: CropRecipe) -> SolidResult:
+    """`solidify` by a recipe; its `jitter_attempt` is the first."""
     while True:
-        recipe = CropRecipe(options.min_side, options.jitter, seed, attempt, options.debris)
         mesh = make_solid(positives, negatives, recipe)
         report = check(mesh.vertices, mesh.faces)
-        if report.ok or mesh.is_empty or attempt == MAX_JITTER_ATTEMPTS:
+        if report.ok or mesh.is_empty or recipe.jitter_attempt == MAX_JITTER_ATTEMPTS:
             return SolidResult(mesh, report, recipe)
-        attempt += 1
+        recipe = replace(recipe, jitter_attempt=recipe.jitter_attempt + 1)

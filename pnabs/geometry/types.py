@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 GRID_SIDE = 1.1
 """Side of the voxel grid in the normalised frame (METHOD, shapes)."""
@@ -85,6 +85,50 @@ class Cuboids:
     def __getitem__(self, which: slice | NDArray[np.bool_] | NDArray[np.integer]) -> Cuboids:
         """The cuboids chosen by a slice, a mask or an index array."""
         return Cuboids(self.scale[which], self.rotation[which], self.translation[which])
+
+    def without(self, *indices: int) -> Cuboids:
+        """All but some of them.
+
+        Raises
+        ------
+        IndexError
+            When one isn't there.
+        """
+        kept = np.ones(len(self), dtype=bool)
+        kept[list(indices)] = False
+        return self[kept]
+
+    def moved(self, index: int, shift: ArrayLike) -> Cuboids:
+        """One of them shifted by (3,) in the normalised frame.
+
+        Raises
+        ------
+        IndexError
+            When it isn't there.
+        """
+        translation = self.translation.copy()
+        translation[index] += np.asarray(shift, dtype=np.float32)
+        return Cuboids(self.scale, self.rotation, translation)
+
+    def resized(self, index: int, sides: ArrayLike) -> Cuboids:
+        """One of them with other full side lengths (3,), non-negative.
+
+        Raises
+        ------
+        IndexError
+            When it isn't there.
+        """
+        scale = self.scale.copy()
+        scale[index] = np.asarray(sides, dtype=np.float32)
+        return Cuboids(scale, self.rotation, self.translation)
+
+    def joined(self, other: Cuboids) -> Cuboids:
+        """These, and then others."""
+        return Cuboids(
+            np.concatenate([self.scale, other.scale]),
+            np.concatenate([self.rotation, other.rotation]),
+            np.concatenate([self.translation, other.translation]),
+        )
 
     def as_vector(self) -> Float32:
         """Parameters side by side, (N, 10) float32: scale, rotation, translation."""

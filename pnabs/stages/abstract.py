@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,28 +9,36 @@ from typing import Any
 
 from pnabs import batch
 from pnabs.batch.work import Committed
-from pnabs.formats import to_glb, to_json
-from pnabs.pipeline import Finished, Prediction, Predictor, Shape, finish
+from pnabs.formats import Abstraction, written
+from pnabs.pipeline import Prediction, Predictor, Shape, finish, model_rng
 from pnabs.settings import Settings
 from pnabs.stages import plans
-from pnabs.stages.context import Context, model_rng, read_shard_rows
+from pnabs.stages.context import Context, read_shard_rows
 from pnabs.stages.difference import models_of
 from pnabs.stages.plan import recipe_digest
 from pnabs.stages.plans import weights_of
 from pnabs.stages.reach import check_run
 from pnabs.stages.sharded import run_sharded
 from pnabs.stages.stored import StoredShard
-from pnabs.store.atomic import file_digest, sweep, write_atomic
+from pnabs.stages.writing import write_files
+from pnabs.store.atomic import file_digest
 from pnabs.store.metrics import write_metrics
 from pnabs.store.run import RunFolder, versions
 
 STAGE = "abstract"
-FILES = ("abstraction.json", "abstraction.glb")
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """An abstraction, and the files it is written in: name -> content."""
+
+    abstraction: Abstraction
+    files: dict[str, bytes]
 
 
 @dataclass(frozen=True, slots=True)
 class AbstractTask:
-    """One model, in the isolated child: post-process, crop, check, measure."""
+    """One model, in the isolated child: post-process, crop, check, measure, and its files."""
 
     job: Settings
     provenance: dict[str, Any]
@@ -39,7 +46,7 @@ class AbstractTask:
     def __call__(self, payload: tuple[str, str, Prediction, Shape]) -> Finished:
         """Finish one prediction."""
         category, model_id, prediction, shape = payload
-        return finish(
+        abstraction = finish(
             prediction,
             shape,
             self.job.abstract,
@@ -48,6 +55,7 @@ class AbstractTask:
             rng=model_rng(self.job.seed, STAGE, category, model_id),
             provenance=self.provenance,
         )
+        return Finished(abstraction, written(abstraction, self.job.abstract.formats))
 
 
 @dataclass
@@ -111,31 +119,12 @@ class AbstractWork:
                 entry["check_ok"] = abstraction.check["ok"]
                 entry["positive_cuboids"] = abstraction.positives.as_vector().tolist()
                 entry["negative_cuboids"] = abstraction.negatives.as_vector().tolist()
-            outputs |= self._write(run, variant.abstraction(category, model_id), result)
+            files = {} if result is None else result.files
+            for path in write_files(variant.abstraction(category, model_id), files):
+                outputs[path.relative_to(run.root).as_posix()] = file_digest(path)
             rows.append(entry)
         outputs |= write_metrics(run.root, variant.metrics(shard), rows)
         return Committed(outputs, {})
-
-    def _write(self, run: RunFolder, folder: Path, result: Finished | None) -> dict[str, Any]:
-        """Write one model's files; what lies there of another time goes."""
-        files = {}
-        if result is not None and self.job.abstract.write_json:
-            files["abstraction.json"] = to_json(result.abstraction)
-        if result is not None and self.job.abstract.write_glb:
-            files["abstraction.glb"] = to_glb(result.abstraction, result.mesh)
-        sweep(folder)
-        for name in FILES:
-            if name not in files:
-                (folder / name).unlink(missing_ok=True)
-        outputs = {}
-        for name, data in files.items():
-            path = folder / name
-            write_atomic(path, data)
-            outputs[path.relative_to(run.root).as_posix()] = file_digest(path)
-        if not files:
-            with contextlib.suppress(OSError):
-                folder.rmdir()
-        return outputs
 
 
 def run(context: Context, variant: str) -> None:

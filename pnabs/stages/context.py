@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -108,9 +106,3 @@ def split_shard(shard: str) -> tuple[str, int]:
     """Category and number of a shard's name `<category>-<00000>`."""
     category, _, number = shard.rpartition("-")
     return category, int(number)
-
-
-def model_rng(seed: int, stage: str, category: str, model_id: str) -> np.random.Generator:
-    """A model's own random numbers: from the job's seed and its name, never from order or time."""
-    name = f"{seed}/{stage}/{category}/{model_id}".encode()
-    return np.random.default_rng(int.from_bytes(hashlib.sha256(name).digest()[:16], "big"))

@@ -13,10 +13,10 @@ from pnabs import batch
 from pnabs.batch.work import Committed
 from pnabs.geometry import difference as geometry
 from pnabs.geometry.types import Cuboids
-from pnabs.pipeline import Predictor, Shape
+from pnabs.pipeline import Predictor, Shape, model_rng
 from pnabs.settings import Settings
 from pnabs.stages import plans
-from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
+from pnabs.stages.context import Context, read_shard_rows, split_shard
 from pnabs.stages.phases import weights_path
 from pnabs.stages.reach import check_run
 from pnabs.stages.sharded import run_sharded

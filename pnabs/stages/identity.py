@@ -78,8 +78,8 @@ def given_weights(job: Job) -> dict[str, str]:
     return {
         f"{name}/{path.stem}": file_digest(path)["sha256"]
         for name, settings in job.variants().items()
-        if settings.weights is not None
-        for path in sorted(settings.weights.glob("*.safetensors"))
+        if settings.weights_folder is not None
+        for path in sorted(settings.weights_folder.glob("*.safetensors"))
     }
 
 

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from pnabs import batch
 from pnabs.batch.work import Committed
-from pnabs.dataset.errors import DatasetError, SourceError
-from pnabs.dataset.source import Dataset
 from pnabs.geometry.fields import Fields, compute_fields
-from pnabs.geometry.load import InvalidMeshError, parse_mesh
+from pnabs.pipeline import model_rng
 from pnabs.settings import Settings
 from pnabs.stages import plans
-from pnabs.stages.context import Context, model_rng, read_shard_rows, split_shard
+from pnabs.stages.context import Context, read_shard_rows, split_shard
 from pnabs.stages.reach import check_dataset, check_run
+from pnabs.stages.reading import blamed, read_mesh
 from pnabs.stages.sharded import run_sharded
 from pnabs.store.run import RunFolder
 
@@ -45,59 +41,11 @@ class IngestTask:
         """
         if row["reason"]:
             raise batch.InvalidInput(row["reason"])
-        options = self.job.ingest
-        root, source = self.job.dataset.root, row["source"]
-        try:
-            reader = _Reader(root, source, options.limits.max_bytes)
-            data = reader()
-            suffix = PurePosixPath(source.rpartition("!")[2]).suffix.lower()
-            try:
-                mesh = parse_mesh(data, suffix, options.limits, reader.sibling)
-            except InvalidMeshError:
-                # What a sibling's disk does is no fault of the mesh.
-                reader.raise_failure()
-                raise
+        options, root = self.job.ingest, self.job.dataset.root
+        with blamed(root, row["source"]):
+            digest, mesh = read_mesh(root, row["source"], options.limits)
             rng = model_rng(self.job.seed, STAGE, row["category"], row["model_id"])
-            fields = compute_fields(mesh, options, self.job.dataset.layout, rng)
-        except (SourceError, InvalidMeshError) as error:
-            # A model's file is missing: the model's fault, or the whole dataset's?
-            check_dataset(root)
-            text = str(error)
-            raise batch.InvalidInput(text if source in text else f"{source}: {text}") from None
-        return hashlib.sha256(data).hexdigest(), fields
-
-
-class _Reader:
-    """Reads a mesh and its siblings; tells a dataset that fails from a model that is bad."""
-
-    def __init__(self, root: Path | str, source: str, max_bytes: int) -> None:
-        self._root, self._source, self._max_bytes = root, source, max_bytes
-        self._failure: Exception | None = None
-        with self._watched():
-            self._dataset = Dataset(root)
-            self._sibling = self._dataset.sibling_reader(source, max_bytes)
-
-    def __call__(self) -> bytes:
-        with self._watched():
-            return self._dataset.read(self._source, self._max_bytes)
-
-    def sibling(self, name: str) -> bytes:
-        with self._watched():
-            return self._sibling(name)
-
-    def raise_failure(self) -> None:
-        """Raise again what a caller in between may have taken for the mesh's fault."""
-        if self._failure is not None:
-            raise self._failure
-
-    @contextlib.contextmanager
-    def _watched(self) -> Iterator[None]:
-        try:
-            yield
-        except (DatasetError, OSError) as error:
-            text = f"the dataset {self._root} can't be read: {error}"
-            self._failure = batch.Unavailable(text)
-            raise self._failure from None
+            return digest, compute_fields(mesh, options, self.job.dataset.layout, rng)
 
 
 @dataclass

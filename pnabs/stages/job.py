@@ -118,14 +118,14 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
 def _absolute(settings: Settings) -> Settings:
     """Workers run elsewhere: paths are made absolute where the job is read."""
     dataset = settings.dataset
-    root = dataset.root
+    root, weights = dataset.root, settings.weights
     paths: dict[str, Any] = {"root": root if isinstance(root, str) else root.absolute()}
     if isinstance(dataset.split, Path):
         paths["split"] = dataset.split.absolute()
     return settings.model_copy(
         update={
             "out": settings.out.absolute(),
-            "weights": settings.weights.absolute() if settings.weights else None,
+            "weights": weights.absolute() if isinstance(weights, Path) else weights,
             "dataset": dataset.model_copy(update=paths),
         }
     )
@@ -217,7 +217,7 @@ def check_weights(job: Job) -> None:
     for name, settings in job.variants().items():
         modules = ("positive", "negative") if settings.abstract.negatives else ("positive",)
         for module in modules:
-            weights = settings.weights
+            weights = settings.weights_folder
             if weights is not None and not (weights / f"{module}.safetensors").is_file():
                 place = job.where.get(("weights",)) or job.where.get(
                     ("variants", name), str(job.path)

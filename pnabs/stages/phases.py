@@ -72,8 +72,8 @@ def weights_path(context: Context, variant: str, module: str) -> Path:
         When they aren't there yet.
     """
     job = context.variants[variant]
-    if job.weights is not None:
-        path = job.weights / f"{module}.safetensors"
+    if job.weights_folder is not None:
+        path = job.weights_folder / f"{module}.safetensors"
         if not path.is_file():
             raise UsageError(f"weights: there is no {path}")
         return path

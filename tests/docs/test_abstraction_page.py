@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
-from pnabs.formats import Abstraction, from_json, to_json
+from pnabs.formats import Abstraction, FormatError, from_json, to_json
+from pnabs.formats.json_format import schema
 from pnabs.geometry import cuboid
 from pnabs.geometry.check import check
 from tests.docs.pages import DOCS, block
@@ -69,3 +72,21 @@ def test_every_key_is_explained(example: Abstraction) -> None:
     below = {"scale", "rotation", "translation", "metrics", "area", "share", "volume"}
     keys = {*top, *below, *example.crop, *example.debris, *example.check, *example.provenance}
     assert keys - {"dropped"} <= told
+
+
+def test_the_schema_takes_the_example_and_nothing_else(example: Abstraction) -> None:
+    stored = json.loads((DOCS / "pages" / "abstraction.schema.json").read_text())
+    assert stored == schema(), "run docs/reference.py"
+    document = json.loads(to_json(example))
+    validator = jsonschema.Draft202012Validator(stored)
+    validator.check_schema(stored)
+    validator.validate(document)
+    for change in (
+        {"version": 2},
+        {"more": 1},
+        {"positives": [{"scale": [1, 1]}]},
+        {"metrics": {"iou_64": "high"}},
+    ):
+        assert not validator.is_valid({**document, **change})
+        with pytest.raises(FormatError):
+            from_json(json.dumps({**document, **change}).encode())

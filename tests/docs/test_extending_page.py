@@ -18,7 +18,7 @@ import trimesh
 
 from pnabs import settings
 from pnabs.dataset import layouts, scan
-from pnabs.formats import WRITERS, from_json
+from pnabs.formats import FORMATS, from_json, single
 from pnabs.geometry.types import cell_centres
 from pnabs.model import losses
 from pnabs.model.data import TrainingSet
@@ -72,13 +72,14 @@ def test_a_layout(module: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_format(module: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    new = module("pnabs.formats.obj")
-    ((suffix, writer),) = entry(block(PAGE, "python", '".obj":'), vars(new)).items()
-    monkeypatch.setitem(WRITERS, suffix, writer)
+    new = module("pnabs.formats.off")
+    names = {**vars(new), "single": single}
+    ((name, known),) = entry(block(PAGE, "python", '"off":'), names).items()
+    monkeypatch.setitem(FORMATS, name, known)
     example = from_json(block("abstraction.md", "json", "pnabs/abstraction").encode())
-    example.save(tmp_path / "chair.obj")
-    data = (tmp_path / "chair.obj").read_bytes()
-    mesh = trimesh.load_mesh(io.BytesIO(data), file_type="obj", process=False)
+    example.save(tmp_path / "chair.off")
+    data = (tmp_path / "chair.off").read_bytes()
+    mesh = trimesh.load_mesh(io.BytesIO(data), file_type="off", process=False)
     assert mesh.is_watertight
     np.testing.assert_allclose(mesh.bounds, [[9, -0.5, -3.6], [11, 1.2, -2.4]], atol=1e-6)
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from pnabs.formats import Abstraction, to_glb
-from pnabs.formats.glb import colour
+from pnabs.formats.gltf_document import colour
 from pnabs.geometry.solidify import solidify
 from pnabs.geometry.types import Cuboids
 from pnabs.settings import Abstract

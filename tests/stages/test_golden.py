@@ -10,8 +10,8 @@ import pytest
 from pnabs.dataset.samples.collection import make_model
 from pnabs.geometry.fields import compute_fields
 from pnabs.geometry.load import parse_mesh
+from pnabs.pipeline import model_rng
 from pnabs.settings import Ingest
-from pnabs.stages.context import model_rng
 from pnabs.stages.plan import VERSIONS
 
 # Printed by the test when it fails; `pnabs.stages.plan.VERSIONS` rises together with them.

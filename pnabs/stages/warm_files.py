@@ -1,0 +1,13 @@
+"""Importing this module makes ready what `pnabs abstract` loads and compiles.
+
+As `warm_ingest`, for its children.
+"""
+
+import torch
+
+from pnabs.geometry import fields, metrics
+
+# Before the fork: a child that finds threads of its parent's missing would wait for them.
+torch.set_num_threads(1)
+fields.warm_up()
+metrics.warm_up()
