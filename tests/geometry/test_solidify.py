@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pymeshlab
 import pytest
 import trimesh
 from hypothesis import given
@@ -99,3 +100,31 @@ def test_debris_is_left_out() -> None:
     assert result.mesh.vertices[:, 0].max() == pytest.approx(0.35, abs=1e-6)
     tolerant = solidify(positives, cut, Abstract(debris=0.0), np.random.default_rng(0))
     assert tolerant.mesh.pieces == 2
+
+
+@law(deadline=None, max_examples=25)
+@given(st.integers(0, 2**32 - 1))
+def test_pymeshlab_counts_the_pieces_that_were_kept(seed: int) -> None:
+    # Many small ones, a few of which are debris.
+    positives = random_cuboids(seed, 10, low=0.01, high=0.3, spread=0.5)
+    result = made(positives, random_cuboids(seed + 1, 6, high=0.4, spread=0.5))
+    meshes = pymeshlab.MeshSet(verbose=False)
+    vertices = result.mesh.vertices.astype(np.float64)
+    meshes.add_mesh(pymeshlab.Mesh(vertices, result.mesh.faces))
+    meshes.generate_splitting_by_connected_components(delete_source_mesh=True)
+    measures = []
+    for mesh in meshes:
+        meshes.set_current_mesh(mesh.id())
+        measures.append(meshes.get_geometric_measures())
+    # A sealed void is a surface of its own, and belongs to the piece around it.
+    areas = [one["surface_area"] for one in measures if one["mesh_volume"] > 0]
+    assert len(areas) == result.mesh.pieces
+    assert len(measures) == result.check.components
+    dropped = sum(piece["area"] for piece in result.mesh.dropped)
+    total = sum(one["surface_area"] for one in measures) + dropped
+    assert min(areas) >= 0.01 * total * (1 - 1e-5)
+    assert all(piece["area"] < 0.01 * total * (1 + 1e-5) for piece in result.mesh.dropped)
+    assert all(
+        piece["share"] == pytest.approx(piece["area"] / total, rel=1e-4)
+        for piece in result.mesh.dropped
+    )
