@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pnabs import settings
 from pnabs.geometry import cuboid
 from pnabs.geometry.postprocess import TOUCH, PostprocessReport, postprocess
-from pnabs.geometry.types import GRID_SIDE, THETA_D, Bool, Cuboids, Float32
+from pnabs.geometry.types import GRID_SIDE, THETA_D, Bool, Cuboids, Float32, grid_points
 from tests.geometry.boxes import axis_aligned, random_cuboids, surface_of
 
 VOXEL = GRID_SIDE / 32
@@ -185,3 +185,27 @@ def test_a_negative_fares_the_same_without_its_mates(seed: int) -> None:
         for i in range(len(negatives))
     ]
     assert together.as_vector().tobytes() == np.concatenate(alone).tobytes()
+
+
+@law(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_kept_ones_stay_out_of_the_shape_near_it_and_apart(seed: int) -> None:
+    shape = random_cuboids(seed, 3, low=0.1)
+    surface = surface_of(shape, 1500)
+    # Many, and close together.
+    negatives = random_cuboids(seed + 1, 24, low=0.1, high=0.4, spread=0.25)
+    kept, _ = clean(negatives, surface=surface, shape=shape)
+    occupancy = cuboid.voxelise(shape, 64, raise_thin=False)
+    cells = grid_points(64)[occupancy.ravel()]
+    points = cuboid.sample_volume(kept, 4000, np.random.default_rng(seed)).astype(np.float64)
+    for one in range(len(kept)):
+        # Independent of the lattice that decides: the cells' centres, a share of its volume.
+        mine = kept[one : one + 1]
+        overlap = np.count_nonzero(cuboid.contains(cells, mine)) * (1.1 / 64) ** 3
+        assert overlap <= 0.02 * cuboid.volumes(mine)[0] + 0.05 * cuboid.volumes(mine)[0]
+        # As the nearest surface sample has it, along the cuboid's own axes.
+        beyond = np.abs(cuboid.local(surface[:, :3], mine)[0]) - mine.scale[0] / 2
+        assert beyond.max(axis=1).min() <= 0.5 * VOXEL + 1e-6
+        for other in range(len(kept)):
+            share = cuboid.contains(points[one], kept[other : other + 1]).mean()
+            assert other == one or share <= 0.6 + 0.03
