@@ -27,7 +27,20 @@ FORMATS = ("json", "glb", "parts", "obj", "ply", "stl", "urdf", "mjcf")
 KINDS = ("invalid", "error", "crash", "timeout", "memory")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class Commands(click.Group):
+    """The commands; Ctrl-C has its exit code also while one of them still loads."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run the command that was named."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            _fail("stopped", 130)
+
+
+@click.group(
+    cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
 @click.version_option(pnabs.__version__, prog_name="pnabs")
 def main() -> None:
     """Abstract collections of 3D meshes: positive cuboids, cropped by negative ones.
@@ -278,7 +291,13 @@ def report(run: Path) -> None:
     help="What to write beside abstraction.json [glb]; may be repeated.",
 )
 @click.option("--jobs", type=click.IntRange(1), help="Meshes at a time [one a CPU].")
-@click.option("--seed", default=0, show_default=True, help="Same seed, same results.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Same seed, same results.",
+)
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Replace a setting.")
 @click.option("--max-failed", type=click.FloatRange(0, 100), help="Per cent that may fall out [5].")
 @click.option("--retry", is_flag=True, help="Try again what was quarantined before.")
@@ -297,6 +316,9 @@ def abstract(
 
     Run it again to go on, or for files that are new or have changed; what is done stays.
     """
+    from pnabs.stages.head_start import head_start
+
+    head_start()
     from pnabs.dataset.files import find_files
     from pnabs.stages.files import abstract_files, files_job
     from pnabs.stages.progress import Reporter
@@ -314,7 +336,8 @@ def abstract(
             command=shlex.join(["pnabs", *sys.argv[1:]]),
             reporter=Reporter(),
         )
-    click.echo(summary.text, nl=False)
+        text = summary.text
+    click.echo(text, nl=False)
     sys.exit(summary.exit_code)
 
 
@@ -394,8 +417,6 @@ def _errors() -> Iterator[None]:
         if not is_storage(error):
             raise
         _fail(storage_message(error), 3)
-    except KeyboardInterrupt:
-        _fail("stopped", 130)
 
 
 def _fail(message: str, code: int) -> NoReturn:

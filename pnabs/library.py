@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+# Imported first by another thread than the main one, it ends the process in a crash.
+import pymeshlab  # noqa: F401
+
+import pnabs
 from pnabs.dataset.source import Dataset
 from pnabs.formats import Abstraction, from_json
-from pnabs.geometry.load import parse_mesh, validate
+from pnabs.geometry.load import InvalidMeshError, parse_mesh, validate
 from pnabs.geometry.types import Mesh
 from pnabs.pipeline import Abstractor
 from pnabs.settings import Settings
@@ -22,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def abstract(
-    mesh: str | Path | Mesh | trimesh.Trimesh,
+    mesh: str | Path | Mesh | trimesh.Trimesh | trimesh.Scene,
     *,
     weights: str | Path = "shipped",
     seed: int = 0,
@@ -33,8 +38,8 @@ def abstract(
     Parameters
     ----------
     mesh
-        A file (OBJ, OFF, PLY, STL, GLB, glTF), or a mesh in memory.  It needs to be neither closed
-        nor clean.
+        A file (OBJ, OFF, PLY, STL, GLB, glTF), or a mesh or scene in memory.  It needs to be
+        neither closed nor clean.
     weights
         Folder with `positive.safetensors` and `negative.safetensors`; those that come with pnabs
         when left out.
@@ -52,7 +57,7 @@ def abstract(
     Raises
     ------
     FileNotFoundError
-        When there is no such file.
+        When there is no such mesh, or no such weights.
     pnabs.geometry.load.InvalidMeshError
         When the file holds no usable mesh.
     pydantic.ValidationError
@@ -62,15 +67,13 @@ def abstract(
     """
     tree = {"dataset": {"root": ".", "layout": "folder"}, "out": "."}
     job = Settings.model_validate({**(settings or {}), **tree, "weights": weights, "seed": seed})
-    name = "mesh"
-    if isinstance(mesh, str | Path):
-        name = Path(mesh).stem
-        mesh = _read(Path(mesh), job)
-    elif not isinstance(mesh, Mesh):
-        vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-        mesh = Mesh(vertices, np.ascontiguousarray(mesh.faces, dtype=np.int64))
-    validate(mesh, job.ingest.limits)
-    return _abstractor(job.model_dump_json())(mesh, category="", model_id=name, provenance={})
+    name = Path(mesh).stem if isinstance(mesh, str | Path) else "mesh"
+    found = _mesh(mesh, job)
+    validate(found, job.ingest.limits)
+    provenance = {"pnabs": pnabs.__version__, "seed": seed}
+    with _threads_kept():
+        made = _abstractor(job.model_dump_json(), _state(job))
+        return made(found, category="", model_id=name, provenance=provenance)
 
 
 def load(path: str | Path) -> Abstraction:
@@ -86,18 +89,47 @@ def load(path: str | Path) -> Abstraction:
     return from_json(Path(path).read_bytes())
 
 
+def _mesh(given: Any, job: Settings) -> Mesh:
+    if isinstance(given, Mesh):
+        return given
+    if isinstance(given, str | Path):
+        return _read(Path(given), job)
+    # A scene's parts are put where its graph places them.
+    whole = given.to_mesh() if hasattr(given, "to_mesh") else given
+    vertices = np.ascontiguousarray(whole.vertices, dtype=np.float64)
+    return Mesh(vertices, np.ascontiguousarray(whole.faces, dtype=np.int64))
+
+
 def _read(path: Path, job: Settings) -> Mesh:
     if not path.is_file():
         raise FileNotFoundError(f"there is no mesh {path}")
     limits = job.ingest.limits
+    if path.stat().st_size > limits.max_bytes:
+        raise InvalidMeshError(f"{path} has more than limits.max_bytes = {limits.max_bytes:,}")
     # What a .gltf names is read from its own folder alone.
-    dataset = Dataset(path.absolute().parent)
-    data = dataset.read(path.name, limits.max_bytes)
-    return parse_mesh(
-        data, path.suffix, limits, dataset.sibling_reader(path.name, limits.max_bytes)
-    )
+    sibling = Dataset(path.resolve().parent).sibling_reader(path.name, limits.max_bytes)
+    return parse_mesh(path.read_bytes(), path.suffix, limits, sibling)
+
+
+def _state(job: Settings) -> tuple[tuple[str, int], ...]:
+    """The files of the weights as they are now, by which changed ones are noticed."""
+    folder = job.weights_folder or Path()
+    paths = sorted(folder.absolute().glob("*.safetensors"))
+    return tuple((str(path), path.stat().st_mtime_ns) for path in paths)
 
 
 @functools.lru_cache(maxsize=2)
-def _abstractor(job: str) -> Abstractor:
+def _abstractor(job: str, state: tuple[tuple[str, int], ...]) -> Abstractor:
     return Abstractor(Settings.model_validate(json.loads(job)))
+
+
+@contextlib.contextmanager
+def _threads_kept() -> Iterator[None]:
+    """Leave the number of PyTorch's threads, which is the whole process's, as it is."""
+    import torch
+
+    threads = torch.get_num_threads()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -21,7 +21,8 @@ import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import IO, Any
 
@@ -34,6 +35,25 @@ GRACE_SECONDS = 5.0
 """A child ends itself at the deadline; after this longer it is killed."""
 
 _STARTING = threading.Lock()
+
+
+def start_server(preload: Sequence[str]) -> None:
+    """Start the server that children are forked from, if there is none yet in this process.
+
+    Parameters
+    ----------
+    preload
+        Modules that it imports, and all children find imported.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(preload))
+    # Ctrl-C goes to the server as well, which ignores it once its imports are done.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with _STARTING, _main_hidden():
+            forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class IsolatedChild:
@@ -54,8 +74,7 @@ class IsolatedChild:
     ) -> None:
         self._task = task
         self._limits = limits
-        self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(list(preload))
+        self._preload = preload
         self._process: Any = None
         self._connection: multiprocessing.connection.Connection | None = None
         # The child's last words: which line hung or crashed.
@@ -117,50 +136,59 @@ class IsolatedChild:
     def abandon(self) -> None:
         """From another thread: end the child, so that what is in flight raises `Unavailable`."""
         self._abandoned = True
-        process = self._process
+        # A start that is under way is over after this, or sees the flag.
+        with _STARTING:
+            process = self._process
         with contextlib.suppress(AttributeError, ValueError):
             process.kill()
 
     def _started(self) -> multiprocessing.connection.Connection:
         """A connection to a new child that is ready for work."""
-        if self._abandoned:
-            raise Unavailable("stopped")
         # Named until the child has opened it, so that nothing is left wherever this ends.
         descriptor, name = tempfile.mkstemp(prefix="pnabs-stack-")
         self._words = os.fdopen(descriptor, "rb")
-        connection = self._start(Path(name))
         try:
+            connection = self._start(Path(name))
             if connection.poll(START_SECONDS):
                 connection.recv()
                 return connection
             reason = f"none is ready after {START_SECONDS:g} s"
+        except Unavailable:
+            self._end()
+            raise
         except (EOFError, OSError):
-            self._process.join(GRACE_SECONDS)
-            reason = _exit_reason(self._process.exitcode)
+            reason = "the server that they are forked from is gone"
+            if self._process is not None:
+                self._process.join(GRACE_SECONDS)
+                reason = _exit_reason(self._process.exitcode)
         finally:
             Path(name).unlink(missing_ok=True)
         stack = self._end().strip()
         raise Unavailable(f"a child process can't be started: {reason} {stack}".strip())
 
     def _start(self, stack: Path) -> multiprocessing.connection.Connection:
-        ours, theirs = self._context.Pipe()
-        self._process = self._context.Process(
+        start_server(self._preload)
+        context = multiprocessing.get_context("forkserver")
+        ours, theirs = context.Pipe()
+        process = context.Process(
             target=_serve,
             args=(theirs, self._task, self._limits, stack),
             daemon=True,
         )
         with _STARTING, _main_hidden():
-            self._process.start()
+            if self._abandoned:
+                raise Unavailable("stopped")
+            process.start()
+            self._process = process
         theirs.close()
         self._connection = ours
         return ours
 
     def _end(self) -> str:
-        if self._process is None:
-            return ""
-        self._process.kill()
-        self._process.join()
-        self._process.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
         if self._connection is not None:
             self._connection.close()
         self._process = self._connection = None

@@ -5,8 +5,10 @@ Models run in the workers' children, so the threads mostly wait.
 
 from __future__ import annotations
 
+import importlib
 import queue
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,8 +19,8 @@ from pnabs.batch.worker import ShardWorker
 
 POLL_SECONDS = 0.2
 
-END_SECONDS = 10.0
-"""What a thread may take to end once its child is gone."""
+END_SECONDS = 5.0
+"""What threads may take to end once their children are gone."""
 
 
 class ThreadExecutor:
@@ -45,6 +47,10 @@ class ThreadExecutor:
         Unavailable
             When no worker could go on.
         """
+        if not self._limits.isolated:
+            # Some native libraries must see the main thread first.
+            for name in work.preload:
+                importlib.import_module(name)
         floor = _Floor(deque(shards))
         count = min(self._workers, len(shards))
         workers = [ShardWorker(work, self._limits) for _ in range(count)]
@@ -59,8 +65,9 @@ class ThreadExecutor:
             floor.waiting.clear()
             for worker in workers:
                 worker.abandon()
+            end = time.monotonic() + END_SECONDS
             for thread in threads:
-                thread.join(END_SECONDS)
+                thread.join(max(0.0, end - time.monotonic()))
 
 
 @dataclass(frozen=True, slots=True)

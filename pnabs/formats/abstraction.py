@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -122,9 +123,21 @@ class Abstraction:
         ----------
         positives, negatives : Cuboids, optional
             In the normalised frame; as they are where left out.
+
+        Raises
+        ------
+        ValueError
+            When a number is not finite, or a side negative.
         """
         positives = self.positives if positives is None else positives
         negatives = self.negatives if negatives is None else negatives
+        for name, cuboids in (("positives", positives), ("negatives", negatives)):
+            sound = np.isfinite(cuboids.as_vector()).all(axis=1) & (cuboids.scale >= 0).all(axis=1)
+            if not sound.all():
+                raise ValueError(
+                    f"{name}: cuboid {int(np.argmin(sound))} has a side that is negative, or a "
+                    "number that is not finite"
+                )
         solid = make_checked(positives, negatives, replace(self.recipe, jitter_attempt=0))
         counts: dict[str, float | int] = {
             "positives": len(positives),
@@ -142,7 +155,7 @@ class Abstraction:
             negatives=negatives,
             transform=self.transform,
             metrics=counts,
-            provenance={**self.provenance, "edited": True},
+            provenance={**_without(self.provenance, "fingerprint"), "edited": True},
         )
 
     def mesh(self) -> Mesh:
@@ -166,13 +179,20 @@ class Abstraction:
             No format has this suffix.
         """
         # The writers take this class, so the registry can't be known before it.
-        from pnabs.formats.registry import format_of, written
+        from pnabs.formats.registry import FORMATS, format_of, written
 
         path = Path(path)
         name, stem = format_of(path)
         files = written(self, [name], stem)
-        path.write_bytes(files.pop(next(iter(files))))
+        own = files.popitem()[1]
+        if FORMATS[name].beside:
+            shutil.rmtree(path.with_name(stem + FORMATS[name].beside), ignore_errors=True)
         for beside, data in files.items():
             place = path.parent / beside
             place.parent.mkdir(exist_ok=True)
             place.write_bytes(data)
+        path.write_bytes(own)
+
+
+def _without(values: dict[str, Any], name: str) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if key != name}

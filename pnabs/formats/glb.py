@@ -14,10 +14,9 @@ from pnabs.formats.abstraction import Abstraction
 from pnabs.formats.gltf_document import GltfDocument
 from pnabs.formats.json_format import VERSION, cuboid_records
 from pnabs.geometry.parts import cropped_parts
-from pnabs.geometry.solidify import SolidMesh
 
 
-def to_glb(abstraction: Abstraction, solid: SolidMesh | None = None) -> bytes:
+def to_glb(abstraction: Abstraction) -> bytes:
     """The checked mesh as binary glTF; the same abstraction gives the same bytes.
 
     Each positive's faces are a primitive of their own colour; all primitives share one
@@ -27,15 +26,13 @@ def to_glb(abstraction: Abstraction, solid: SolidMesh | None = None) -> bytes:
     Parameters
     ----------
     abstraction : Abstraction
-    solid : SolidMesh, optional
-        Its mesh, where that is at hand.
 
     Returns
     -------
     bytes
         A file without a mesh if the result is empty.
     """
-    solid = abstraction.solid if solid is None else solid
+    solid = abstraction.solid
     document = GltfDocument()
     node = _root("solid", abstraction)
     document.add_node(node)

@@ -8,6 +8,7 @@ mesh, filled evenly.
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import dataclass
 from xml.etree import ElementTree
@@ -22,6 +23,14 @@ from pnabs.geometry.types import Float64
 
 DENSITY = 1000.0
 """Mass a cube of the input's unit: that of water, where the unit is a metre."""
+
+
+LEAST_INERTIA = 1e-14
+"""Principal moments that MuJoCo takes are greater."""
+
+
+# What no XML document may hold.
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +73,7 @@ def to_urdf(abstraction: Abstraction, stem: str) -> dict[str, bytes]:
     Returns
     -------
     dict
-        File name -> content: `<stem>.urdf`, and `<stem>.convex/<number>.obj`.
+        File name -> content: `<stem>.convex/<number>.obj`, and `<stem>.urdf`.
 
     Raises
     ------
@@ -101,7 +110,7 @@ def to_urdf(abstraction: Abstraction, stem: str) -> dict[str, bytes]:
                 ElementTree.SubElement(
                     geometry, "box", size=_text(*(body.size * part.box.scale[0]))
                 )
-    return {f"{stem}.urdf": _xml(robot), **files}
+    return {**files, f"{stem}.urdf": _xml(robot)}
 
 
 def to_mjcf(abstraction: Abstraction) -> bytes:
@@ -125,7 +134,8 @@ def to_mjcf(abstraction: Abstraction) -> bytes:
         pos=_text(*body.position),
         quat=_text(*body.rotation.as_quat(scalar_first=True)),
     )
-    if body.mass:
+    # MuJoCo takes none that is all but zero; it reckons one from the pieces, should it need it.
+    if np.linalg.eigvalsh(body.inertia).min() > LEAST_INERTIA:
         ElementTree.SubElement(
             element,
             "inertial",
@@ -199,7 +209,7 @@ def _obj(part: Part) -> bytes:
 
 
 def _name(abstraction: Abstraction) -> str:
-    return abstraction.model_id or "abstraction"
+    return _NOT_XML.sub("_", abstraction.model_id) or "abstraction"
 
 
 def _text(*values: float) -> str:

@@ -1,7 +1,8 @@
 """The checked mesh alone, in the input's coordinates: OBJ, PLY and STL.
 
-Numbers are float64, or the shortest decimals that give the same float64, so that a mesh of a
-metre placed a thousand kilometres from the origin keeps its shape and stays closed.
+Numbers are float64, or the shortest decimals that give the same float64: a mesh of a metre
+placed a thousand kilometres from the origin keeps its shape and stays closed.  One so far
+away that float64 can't part its vertices does not; `abstraction.glb` does.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ from pathlib import Path
 from pnabs.formats.abstraction import Abstraction
 from pnabs.formats.glb import to_glb, to_parts
 from pnabs.formats.json_format import to_json
-from pnabs.formats.physics import to_mjcf, to_urdf
 from pnabs.formats.plain import to_obj, to_ply, to_stl
 
 STEM = "abstraction"
@@ -26,18 +25,35 @@ class Format:
     Attributes
     ----------
     suffix
-        Of its file, or of the first of its files.
+        Of its file.
     write
-        From an abstraction, and the stem of the file's name, to file name -> content.
+        From an abstraction, and the stem of the file's name, to file name -> content; the file
+        with the suffix is the last, so that where it is there the others are.
+    beside
+        Suffix of a folder for the others.
     """
 
     suffix: str
     write: Callable[[Abstraction, str], dict[str, bytes]]
+    beside: str = ""
 
 
 def single(suffix: str, write: Callable[[Abstraction], bytes]) -> Format:
     """A format of one file."""
     return Format(suffix, lambda abstraction, stem: {stem + suffix: write(abstraction)})
+
+
+# What these two need takes a second to load, and most do without.
+def _urdf(abstraction: Abstraction, stem: str) -> dict[str, bytes]:
+    from pnabs.formats.physics import to_urdf
+
+    return to_urdf(abstraction, stem)
+
+
+def _mjcf(abstraction: Abstraction) -> bytes:
+    from pnabs.formats.physics import to_mjcf
+
+    return to_mjcf(abstraction)
 
 
 FORMATS = {
@@ -47,8 +63,8 @@ FORMATS = {
     "obj": single(".obj", to_obj),
     "ply": single(".ply", to_ply),
     "stl": single(".stl", to_stl),
-    "urdf": Format(".urdf", to_urdf),
-    "mjcf": single(".xml", to_mjcf),
+    "urdf": Format(".urdf", _urdf, beside=".convex"),
+    "mjcf": single(".xml", _mjcf),
 }
 """Name -> format."""
 

@@ -10,18 +10,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pnabs
 from pnabs import batch
 from pnabs.batch.thread_executor import ThreadExecutor
 from pnabs.batch.work import Committed
 from pnabs.dataset.errors import SourceError
-from pnabs.dataset.files import Files
+from pnabs.dataset.files import File, Files
 from pnabs.dataset.source import Dataset
-from pnabs.formats import FORMATS, STEM, Abstraction, from_json, written
+from pnabs.formats import FORMATS, STEM, Abstraction, FormatError, from_json, written
 from pnabs.pipeline import Abstractor
 from pnabs.settings import Settings
 from pnabs.stages.errors import (
@@ -32,16 +33,16 @@ from pnabs.stages.errors import (
     storage_message,
 )
 from pnabs.stages.folder import held
+from pnabs.stages.head_start import PRELOAD
 from pnabs.stages.identity import given_weights
 from pnabs.stages.interrupts import Interrupts
-from pnabs.stages.job import Job, check_weights, with_overrides
+from pnabs.stages.job import Job, JobError, check_weights, with_overrides
 from pnabs.stages.plan import fingerprint, recipe_digest
 from pnabs.stages.progress import Reporter, Tracker
 from pnabs.stages.reach import check_dataset, check_run
 from pnabs.stages.reading import blamed, read_mesh
-from pnabs.stages.writing import write_files
+from pnabs.stages.writing import clear_partials, write_files
 from pnabs.store.atomic import write_atomic
-from pnabs.store.run import versions
 
 RECORD = f"{STEM}.json"
 """The file that says that a mesh is done, written last; all other formats follow from it."""
@@ -50,6 +51,12 @@ HIDDEN = ".pnabs"
 """Folder of the lock, below the results; no mesh below a hidden folder is ever taken."""
 
 QUARANTINE = "quarantine.jsonl"
+
+HOPELESS = 4
+"""So many meshes in a row that could not be seen to, for causes not theirs, end the work."""
+
+SETTABLE = ("ingest", "difference", "abstract", "runtime")
+"""Groups of settings that the command takes."""
 
 RESULTS_TOLD = 20
 FAILURES_TOLD = 20
@@ -69,7 +76,7 @@ class Item:
     """
 
     model_id: str
-    source: str
+    file: File
     known: bytes | None
     formats: tuple[str, ...]
 
@@ -91,20 +98,32 @@ class FileTask:
         return files | written(abstraction, ["json"])
 
     def _abstract(self, item: Item) -> Abstraction:
-        if self._abstractor is None:
-            self._abstractor = Abstractor(self.job)
-        root = self.job.dataset.root
-        with blamed(root, item.source):
-            digest, mesh = read_mesh(root, item.source, self.job.ingest.limits)
-            provenance = {
-                "pnabs": versions()["pnabs"],
+        file = item.file
+        if file.reason:
+            raise batch.InvalidInput(f"{file.source}: {file.reason}")
+        with blamed(file.root, file.source):
+            read = read_mesh(file.root, file.source, self.job.ingest.limits, file.suffix)
+            provenance: dict[str, Any] = {
+                "pnabs": pnabs.__version__,
                 "seed": self.job.seed,
-                "source_sha256": digest,
-                "fingerprint": fingerprint(self.recipe, digest),
+                "source_sha256": read.sha256,
+                "fingerprint": _fingerprint(self.recipe, read.sha256, read.siblings),
             }
-            return self._abstractor(
-                mesh, category="", model_id=item.model_id, provenance=provenance
+            if read.siblings:
+                provenance["siblings"] = sorted(read.siblings)
+            return self._loaded()(
+                read.mesh, category="", model_id=item.model_id, provenance=provenance
             )
+
+    def _loaded(self) -> Abstractor:
+        """The networks; what is wrong with them is no mesh's fault."""
+        if self._abstractor is None:
+            try:
+                self._abstractor = Abstractor(self.job)
+            except Exception as error:
+                text = f"the networks can't be loaded: {error}"
+                raise batch.Unavailable(text) from error
+        return self._abstractor
 
 
 @dataclass
@@ -115,7 +134,7 @@ class FileWork:
     recipe: str
     token: str
     items: dict[str, Item]
-    preload: tuple[str, ...] = ("pnabs.stages.files", "pnabs.stages.warm_files")
+    preload: tuple[str, ...] = PRELOAD
 
     @property
     def task(self) -> FileTask:
@@ -123,13 +142,13 @@ class FileWork:
         return FileTask(self.job, self.recipe)
 
     def check(self) -> None:
-        """See the meshes and the results' folder."""
+        """See the meshes' and the results' folder."""
         check_dataset(self.job.dataset.root)
         check_run(self.job.out / HIDDEN, self.token)
 
     def mark(self, model_id: str) -> str:
         """What the verdict on a mesh depends on."""
-        return _mark(self.job, self.recipe, self.items[model_id].source)
+        return _mark(self.job, self.recipe, self.items[model_id].file, ())
 
     def setup(self) -> None:
         """Nothing: all work is the child's."""
@@ -143,6 +162,7 @@ class FileWork:
         (outcome,) = outcomes
         folder, item = self.job.out / shard, self.items[shard]
         if outcome.kind == "ok" and item.known is not None:
+            clear_partials(folder)
             for name, data in outcome.value.items():
                 write_atomic(folder / name, data)
         elif outcome.kind == "ok" or folder.is_dir():
@@ -217,8 +237,14 @@ def files_job(
         "seed": seed,
         "abstract": {"formats": tuple(dict.fromkeys(["json", *formats]))},
     }
+    for override in overrides:
+        if override.partition(".")[0] not in SETTABLE:
+            raise JobError(f"--set {override}: only settings of {', '.join(SETTABLE)} matter here")
     job = Job(Settings.model_validate(tree), {}, Path("pnabs abstract"))
-    return with_overrides(job, overrides)
+    job = with_overrides(job, overrides)
+    if "json" not in job.settings.abstract.formats:
+        raise JobError("--set abstract.formats: json must be among them; or use --format")
+    return job
 
 
 def abstract_files(
@@ -253,19 +279,19 @@ def abstract_files(
     check_weights(job)
     settings = job.settings
     interrupts = Interrupts()
-    go_on = f"What is written stays. To go on: {command}"
+    go_on = f"To go on: {command}"
     with interrupts.installed(), held(settings.out / HIDDEN) as token:
-        with interrupts.at_once("looking at what is there"):
-            recipe = _recipe(job)
-            quarantine = _Quarantine(settings.out / QUARANTINE)
-            items = _missing(files, settings, recipe, quarantine, retry=retry)
-        work = FileWork(settings, recipe, token, {item.model_id: item for item in items})
         runtime = settings.runtime
         limits = batch.WorkerLimits(
             runtime.deadline, runtime.memory, runtime.isolation == "child", runtime.stall
         )
-        total = len(files.sources)
+        total = len(files.files)
         try:
+            with interrupts.at_once("it looked at what is there"):
+                recipe = _recipe(job)
+                quarantine = _Quarantine(settings.out / QUARANTINE)
+                items = _missing(files, settings, recipe, quarantine, reporter, retry=retry)
+            work = FileWork(settings, recipe, token, {item.model_id: item for item in items})
             with reporter.track("abstract", total, "meshes") as tracker:
                 progress = _Progress(tracker, interrupts, quarantine, total, total - len(items))
                 _do(work, ThreadExecutor(limits, jobs), progress)
@@ -278,19 +304,24 @@ def abstract_files(
             if not is_storage(error):
                 raise
             raise StorageError(f"{storage_message(error)}. {go_on}") from error
-    fallen = [quarantine.entries[name] for name in files.sources if name in quarantine.entries]
-    done = [name for name in files.sources if name not in quarantine.entries]
+    fallen = [quarantine.entries[name] for name in files.files if name in quarantine.entries]
+    done = [name for name in files.files if name not in quarantine.entries]
     return Summary(settings.out, done, fallen, runtime.max_failed)
 
 
 def _do(work: FileWork, executor: batch.Executor, progress: _Progress) -> None:
     failures: list[batch.ShardFailed] = []
+    in_a_row = 0
     progress.progress(0)
     try:
         for result in executor.map(work, list(work.items), progress):
             if isinstance(result, batch.ShardFailed):
                 failures.append(result)
+                in_a_row += 1
+                if in_a_row >= HOPELESS:
+                    raise batch.Unavailable(result.reason)
                 continue
+            in_a_row = 0
             (outcome,) = result.outcomes
             progress.settle(outcome, work.mark(outcome.model_id) if outcome.kind != "ok" else "")
     except batch.Unavailable as error:
@@ -321,7 +352,7 @@ class _Progress(batch.Watcher):
         number = self.interrupts()
         if number is not None:
             raise InterruptedRunError(
-                f"stopped at {self.seen} of {self.total} meshes; what was in flight is dropped",
+                f"stopped; {self.seen} of {self.total} meshes, or a few more, are done",
                 128 + number,
             )
 
@@ -379,8 +410,9 @@ def _describe(folder: Path) -> str:
     abstraction = from_json((folder / RECORD).read_bytes())
     counts = f"{len(abstraction.positives)} positives, {len(abstraction.negatives)} negatives"
     verdict = "" if abstraction.check["ok"] else ", FAILED its check"
-    iou = abstraction.metrics["iou_64"]
-    return f"{folder}: {counts}, IoU at 64^3 {100 * iou:.1f} %{verdict}"
+    iou = abstraction.metrics.get("iou_64")
+    figure = "" if iou is None else f", IoU at 64^3 {100 * iou:.1f} %"
+    return f"{folder}: {counts}{figure}{verdict}"
 
 
 def _recipe(job: Job) -> str:
@@ -393,46 +425,73 @@ def _recipe(job: Job) -> str:
 
 
 def _missing(
-    files: Files, settings: Settings, recipe: str, quarantine: _Quarantine, *, retry: bool
+    files: Files,
+    settings: Settings,
+    recipe: str,
+    quarantine: _Quarantine,
+    reporter: Reporter,
+    *,
+    retry: bool,
 ) -> list[Item]:
     """The meshes with something to be done."""
     formats = settings.abstract.formats
-    items = []
-    for model_id, source in files.sources.items():
+    items, changed = [], []
+    for model_id, file in files.files.items():
         folder = settings.out / model_id
         record, before = _read(folder / RECORD), quarantine.entries.get(model_id)
-        item = Item(model_id, source, None, formats)
-        if record is None and (before is None or retry):
+        item = Item(model_id, file, None, formats)
+        known = None if record is None else _provenance(record)
+        if known is None and (before is None or retry):
             items.append(item)
             continue
-        mark = _mark(settings, recipe, source)
-        if record is not None and _stored_mark(record) == mark:
+        mark = _mark(settings, recipe, file, (known or {}).get("siblings", ()))
+        if known is not None and known.get("fingerprint") == mark:
             quarantine.entries.pop(model_id, None)
             lacking = tuple(
                 name for name in formats if not (folder / f"{STEM}{FORMATS[name].suffix}").exists()
             )
             if lacking:
-                items.append(Item(model_id, source, record, lacking))
-        elif before is None or retry or before.get("fingerprint") != mark:
+                items.append(Item(model_id, file, record, lacking))
+        # What a .gltf that fell out names may be there by now.
+        elif before is None or retry or before.get("fingerprint") != mark or file.suffix == ".gltf":
             items.append(item)
+            changed += [model_id] if known is not None else []
+    if changed:
+        reporter.say(
+            f"{len(changed)} results, such as {changed[0]}, are of other settings or of a mesh "
+            "that has changed: they are made again"
+        )
     return items
 
 
-def _mark(settings: Settings, recipe: str, source: str) -> str:
-    """What the result of a file depends on."""
+def _mark(settings: Settings, recipe: str, file: File, siblings: Iterable[str]) -> str:
+    """What the result of a file depends on, as it is now."""
+    most = settings.ingest.limits.max_bytes
+    dataset = Dataset(file.root)
+    digests = {}
     try:
-        data = Dataset(settings.dataset.root).read(source, settings.ingest.limits.max_bytes)
+        own = _sha256(dataset.read(file.source, most))
+        read = dataset.sibling_reader(file.source, most)
+        digests = {name: _sha256(read(name)) for name in siblings}
     except SourceError:
-        data = b""
-    return fingerprint(recipe, hashlib.sha256(data).hexdigest())
+        own = ""
+    return _fingerprint(recipe, own, digests)
 
 
-def _stored_mark(record: bytes) -> str | None:
+def _fingerprint(recipe: str, sha256: str, siblings: Mapping[str, str]) -> str:
+    return fingerprint(recipe, {"mesh": sha256, "siblings": dict(siblings)})
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _provenance(record: bytes) -> dict[str, Any] | None:
+    """What a record says of its making; None where it is damaged."""
     try:
-        mark: str | None = json.loads(record)["provenance"]["fingerprint"]
-    except (ValueError, KeyError, TypeError):
+        return from_json(record).provenance
+    except FormatError:
         return None
-    return mark
 
 
 def _read(path: Path) -> bytes | None:

@@ -40,7 +40,7 @@ def held(run: Path) -> Iterator[str]:
         except LockedError as error:
             raise RefusedError(str(error)) from None
         except OSError as error:
-            raise UsageError(f"can't write the run folder {run}: {error.strerror}") from None
+            raise UsageError(f"can't write {run}: {error.strerror}") from None
         yield token
 
 

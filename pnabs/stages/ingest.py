@@ -43,9 +43,10 @@ class IngestTask:
             raise batch.InvalidInput(row["reason"])
         options, root = self.job.ingest, self.job.dataset.root
         with blamed(root, row["source"]):
-            digest, mesh = read_mesh(root, row["source"], options.limits)
+            read = read_mesh(root, row["source"], options.limits)
             rng = model_rng(self.job.seed, STAGE, row["category"], row["model_id"])
-            return digest, compute_fields(mesh, options, self.job.dataset.layout, rng)
+            fields = compute_fields(read.mesh, options, self.job.dataset.layout, rng)
+            return read.sha256, fields
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from pnabs import batch
@@ -36,8 +37,30 @@ def blamed(root: Path | str, source: str) -> Iterator[None]:
         raise batch.InvalidInput(text if source in text else f"{source}: {text}") from None
 
 
-def read_mesh(root: Path | str, source: str, limits: Limits) -> tuple[str, Mesh]:
-    """SHA-256 of a source's bytes, and the mesh in them.
+@dataclass(frozen=True, slots=True)
+class Read:
+    """A mesh as it was read.
+
+    Attributes
+    ----------
+    sha256
+        Of the file's bytes.
+    siblings
+        Name -> SHA-256 of the other files that it is made of (.gltf buffers).
+    """
+
+    mesh: Mesh
+    sha256: str
+    siblings: dict[str, str]
+
+
+def read_mesh(root: Path | str, source: str, limits: Limits, suffix: str | None = None) -> Read:
+    """The mesh in a source.
+
+    Parameters
+    ----------
+    suffix
+        What the file is, where its name doesn't tell.
 
     Raises
     ------
@@ -48,14 +71,14 @@ def read_mesh(root: Path | str, source: str, limits: Limits) -> tuple[str, Mesh]
     """
     reader = _Reader(root, source, limits.max_bytes)
     data = reader()
-    suffix = PurePosixPath(source.rpartition("!")[2]).suffix.lower()
+    suffix = suffix or PurePosixPath(source.rpartition("!")[2]).suffix
     try:
         mesh = parse_mesh(data, suffix, limits, reader.sibling)
     except InvalidMeshError:
         # What a sibling's disk does is no fault of the mesh.
         reader.raise_failure()
         raise
-    return hashlib.sha256(data).hexdigest(), mesh
+    return Read(mesh, hashlib.sha256(data).hexdigest(), reader.siblings)
 
 
 class _Reader:
@@ -64,6 +87,7 @@ class _Reader:
     def __init__(self, root: Path | str, source: str, max_bytes: int) -> None:
         self._root, self._source, self._max_bytes = root, source, max_bytes
         self._failure: Exception | None = None
+        self.siblings: dict[str, str] = {}
         with self._watched():
             self._dataset = Dataset(root)
             self._sibling = self._dataset.sibling_reader(source, max_bytes)
@@ -74,7 +98,9 @@ class _Reader:
 
     def sibling(self, name: str) -> bytes:
         with self._watched():
-            return self._sibling(name)
+            data = self._sibling(name)
+        self.siblings[name] = hashlib.sha256(data).hexdigest()
+        return data
 
     def raise_failure(self) -> None:
         """Raise again what a caller in between may have taken for the mesh's fault."""

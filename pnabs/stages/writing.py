@@ -7,12 +7,15 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from pnabs.formats import STEM
-from pnabs.store.atomic import sweep, write_atomic
+from pnabs.formats import FORMATS, STEM
+from pnabs.store.atomic import sweep, sync_folder, write_atomic
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
-    """Write a model's files, in their order; what lies there of another time goes.
+    """Write a model's files, in their order, in the place of those of another time.
+
+    What was there goes first, so that whatever vouches for it by being there never stands beside
+    files of another making.
 
     Parameters
     ----------
@@ -22,12 +25,11 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
     files
         Name -> content; none removes the folder, if nothing else is in it.
     """
-    sweep(folder)
-    for path in folder.glob(f"{STEM}.*"):
-        if path.is_dir():
-            shutil.rmtree(path)
-        elif path.name not in files:
-            path.unlink()
+    if folder.is_dir():
+        for known in FORMATS.values():
+            (folder / f"{STEM}{known.suffix}").unlink(missing_ok=True)
+        sync_folder(folder)
+        clear_partials(folder)
     paths = [folder / name for name in files]
     for path, data in zip(paths, files.values(), strict=True):
         write_atomic(path, data)
@@ -35,3 +37,12 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
         with contextlib.suppress(OSError):
             folder.rmdir()
     return paths
+
+
+def clear_partials(folder: Path) -> None:
+    """Remove what a killed writer left, and files that lay beside one that isn't there."""
+    for known in FORMATS.values():
+        own = f"{STEM}{known.suffix}"
+        sweep(folder, f".{own}")
+        if known.beside and not (folder / own).exists():
+            shutil.rmtree(folder / f"{STEM}{known.beside}", ignore_errors=True)

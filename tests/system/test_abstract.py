@@ -12,17 +12,20 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import trimesh
 from click.testing import CliRunner, Result
 
 import pnabs
 from pnabs.cli import main
 from pnabs.dataset.samples import write_collection
 from pnabs.formats import FORMATS
+from pnabs.stages import writing
 from pnabs.stages.files import FileTask, FileWork, Item
+from pnabs.store.atomic import write_atomic
 from tests.weights import untrained
 
 NAMES = ["bench/one", "bench/two", "chair/one", "chair/three", "chair/two", "top"]
@@ -263,6 +266,9 @@ def test_stopped_in_good_order(place: Path, tmp_path: Path, number: signal.Signa
         (["--weights", "/nowhere"], "weights: there is no positive.safetensors in /nowhere"),
         (["--set", "abstract.debri=0"], "unknown key abstract.debri; did you mean debris?"),
         (["/nowhere/mesh.obj"], "there is no /nowhere/mesh.obj"),
+        (["--set", "out=/elsewhere"], "only settings of ingest, difference, abstract, runtime"),
+        (["--set", "abstract.formats=[glb]"], "json must be among them"),
+        (["--seed", "-1"], "Invalid value for '--seed'"),
     ],
 )
 def test_wrong_use_is_told(place: Path, tmp_path: Path, change: list[str], message: str) -> None:
@@ -270,3 +276,82 @@ def test_wrong_use_is_told(place: Path, tmp_path: Path, change: list[str], messa
     assert result.exit_code == 2
     assert message in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_networks_that_cannot_be_loaded_are_no_meshs_fault(
+    place: Path, finished: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(finished, out)
+    shutil.copytree(place / "weights", tmp_path / "weights")
+    (tmp_path / "weights/positive.safetensors").write_bytes(b"garbage")
+    result = run(place, out, "--weights", str(tmp_path / "weights"))
+    assert result.exit_code == 3
+    assert "the networks can't be loaded" in result.stderr
+    assert not (out / "quarantine.jsonl").exists()
+    # Nothing was written, and nothing lost.
+    assert tree(out) == tree(finished)
+
+
+def test_a_result_cut_short_does_not_count(place: Path, finished: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(finished, out)
+    folder = out / "top"
+    made = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.MonkeyPatch.context() as patched:
+        # Killed between the two files of another making.
+        patched.setattr(writing, "write_atomic", killed_at("abstraction.json"))
+        with pytest.raises(KeyboardInterrupt):
+            writing.write_files(folder, {"abstraction.glb": b"other"} | {"abstraction.json": b""})
+    assert (folder / "abstraction.glb").read_bytes() != made["abstraction.glb"]
+    assert run(place, out).exit_code == 0
+    assert tree(out) == tree(finished)
+
+
+def killed_at(name: str) -> Callable[[Path, bytes], None]:
+    def write(path: Path, data: bytes) -> None:
+        if path.name == name:
+            raise KeyboardInterrupt
+        write_atomic(path, data)
+
+    return write
+
+
+def test_a_urdf_counts_when_all_of_it_is_there(place: Path, finished: Path, tmp_path: Path) -> None:
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    for folder in (out, whole):
+        shutil.copytree(finished, folder)
+    assert run(place, whole, "--format", "urdf").exit_code == 0
+    order = list(FORMATS["urdf"].write(pnabs.load(out / "top/abstraction.json"), "abstraction"))
+    assert order[-1] == "abstraction.urdf"
+    (out / "top/abstraction.convex").mkdir()
+    (out / "top/abstraction.convex/999.obj").write_text("left by a killed writer")
+    assert run(place, out, "--format", "urdf").exit_code == 0
+    assert tree(out) == tree(whole)
+
+
+def test_a_record_that_is_damaged_is_made_again(
+    place: Path, finished: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(finished, out)
+    record = out / "top/abstraction.json"
+    record.write_bytes(record.read_bytes().replace(b'"positives": [', b'"positives": [7, ', 1))
+    assert run(place, out).exit_code == 0
+    assert tree(out) == tree(finished)
+
+
+def test_a_gltf_is_known_by_its_buffers_too(place: Path, tmp_path: Path) -> None:
+    meshes, out = tmp_path / "meshes", tmp_path / "out"
+    meshes.mkdir()
+    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.creation.box((1, 2, 1))).items():
+        (meshes / name).write_bytes(data)
+    assert run(place, out, meshes=meshes).exit_code == 0
+    (before,) = times(out).items()
+    assert pnabs.load(out / before[0] / "abstraction.json").provenance["siblings"]
+    assert run(place, out, meshes=meshes).exit_code == 0
+    assert dict([before]) == times(out)
+    buffer = max(meshes.glob("*.bin"), key=lambda path: path.stat().st_size)
+    buffer.write_bytes(buffer.read_bytes()[:-4] + bytes(4))
+    run(place, out, meshes=meshes)
+    assert dict([before]) != times(out)

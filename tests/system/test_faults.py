@@ -240,7 +240,7 @@ def test_an_output_that_becomes_read_only_is_told(
             launch(run, stages=INGEST)
     refused = CliRunner().invoke(main, ["run", f"{run}.yaml"])
     assert refused.exit_code == 2
-    assert f"can't write the run folder {run}: Read-only file system" in refused.stderr
+    assert f"can't write {run}: Read-only file system" in refused.stderr
     subprocess.run(["umount", str(disk)], check=True)
     launch(run, stages=INGEST)
     assert ingested(run) == ingested(finished[0])

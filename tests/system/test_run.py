@@ -258,6 +258,31 @@ def test_a_newer_version_of_a_stage_is_refused_then_redone(
     assert [event["event"] for event in read_events(run)].count("shard") == count
 
 
+def test_other_formats_are_written_instead(
+    finished: tuple[Path, Result], launch: Launcher, tmp_path: Path
+) -> None:
+    run = tmp_path / "copy"
+    shutil.copytree(finished[0], run)
+    launch(run, "abstract.formats=[parts, urdf, mjcf]", accept=True)
+    model = next(run.glob("variants/main/abstractions/02828884/*"))
+    names = {path.name for path in model.iterdir()} - {"abstraction.convex"}
+    assert names == {"abstraction.parts.glb", "abstraction.urdf", "abstraction.xml"}
+    ours, theirs = tree(run), tree(finished[0])
+    metrics = [name for name in theirs if "/metrics/" in name]
+    assert [ours[name] for name in metrics] == [theirs[name] for name in metrics]
+    convex = next(run.glob("variants/main/abstractions/*/*/abstraction.convex/*.obj"), None)
+    (convex or model / "abstraction.urdf").unlink()
+    assert invoke(run).exit_code == 5
+    launch(run, "abstract.formats=[parts, urdf, mjcf]")
+    assert tree(run) == ours
+    # Back to the first formats: no file of the others is left.
+    launch(run, accept=True)
+    back = tree(run)
+    assert {name for name in back if "/abstractions/" in name} == {
+        name for name in theirs if "/abstractions/" in name
+    }
+
+
 def test_added_models_are_refused_then_get_shards_of_their_own(
     finished: tuple[Path, Result], launch: Launcher, samples: Path, tmp_path: Path
 ) -> None:
