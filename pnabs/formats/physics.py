@@ -25,8 +25,8 @@ DENSITY = 1000.0
 """Mass a cube of the input's unit: that of water, where the unit is a metre."""
 
 
-LEAST_INERTIA = 1e-14
-"""Principal moments that MuJoCo takes are greater."""
+LEAST_INERTIA = 1e-12
+"""Principal moments below this are left out for MuJoCo: those of a body of a few thousandths."""
 
 
 # What no XML document may hold.
@@ -134,8 +134,9 @@ def to_mjcf(abstraction: Abstraction) -> bytes:
         pos=_text(*body.position),
         quat=_text(*body.rotation.as_quat(scalar_first=True)),
     )
-    # MuJoCo takes none that is all but zero; it reckons one from the pieces, should it need it.
-    if np.linalg.eigvalsh(body.inertia).min() > LEAST_INERTIA:
+    # MuJoCo takes no inertia that is all but zero, given or reckoned from the pieces.
+    massive = bool(np.linalg.eigvalsh(body.inertia).min() > LEAST_INERTIA)
+    if massive:
         ElementTree.SubElement(
             element,
             "inertial",
@@ -144,26 +145,25 @@ def to_mjcf(abstraction: Abstraction) -> bytes:
             fullinertia=_text(*body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
         )
     for number, part in enumerate(body.parts):
-        name = f"piece_{number}"
+        geom = ElementTree.SubElement(element, "geom", name=f"piece_{number}")
+        if not massive:
+            geom.set("mass", "0")
         if part.box is not None:
-            ElementTree.SubElement(
-                element,
-                "geom",
-                name=name,
-                type="box",
-                size=_text(*(body.size * part.box.scale[0] / 2)),
-                pos=_text(*(body.size * part.box.translation[0])),
-                quat=_text(*part.box.rotation[0]),
-            )
+            geom.set("type", "box")
+            geom.set("size", _text(*(body.size * part.box.scale[0] / 2)))
+            geom.set("pos", _text(*(body.size * part.box.translation[0])))
+            geom.set("quat", _text(*part.box.rotation[0]))
             continue
+        geom.set("type", "mesh")
+        geom.set("mesh", f"piece_{number}")
         ElementTree.SubElement(
             asset,
             "mesh",
-            name=name,
+            name=f"piece_{number}",
             vertex=_text(*(body.size * part.vertices).ravel()),
-            inertia="convex",
+            # Only the frame of a geom hangs on it, and a surface is never too small a volume.
+            inertia="shell",
         )
-        ElementTree.SubElement(element, "geom", name=name, type="mesh", mesh=name)
     return _xml(root)
 
 

@@ -127,3 +127,10 @@ def test_cuboids_can_be_joined_and_know_their_number() -> None:
 def volume(abstraction: Abstraction) -> float:
     """In the normalised frame."""
     return float(np.linalg.det(abstraction.solid.triangles).sum() / 6)
+
+
+@pytest.mark.parametrize("sides", [[-0.1, 0.1, 0.1], [np.nan, 0.1, 0.1], [np.inf, 0.1, 0.1]])
+def test_an_edit_that_is_no_cuboid_is_refused(sides: list[float]) -> None:
+    abstraction, _ = made(random_cuboids(0, 3), Cuboids.empty())
+    with pytest.raises(ValueError, match="positives: cuboid 1 has a side that is negative"):
+        abstraction.edited(positives=abstraction.positives.resized(1, sides))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -174,3 +176,30 @@ def test_an_empty_result_has_files_without_pieces(tmp_path: Path) -> None:
     assert set(files) == {f"abstraction{known.suffix}" for known in FORMATS.values()}
     mujoco = pytest.importorskip("mujoco")
     assert mujoco.MjModel.from_xml_string(files["abstraction.xml"].decode()).ngeom == 0
+
+
+@pytest.mark.parametrize("size", [1e-5, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("name", SHAPES)
+def test_small_and_large_bodies_load(name: str, size: float) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    one = abstraction(*SHAPES[name], np.diag([size, size, size, 1.0]))
+    model = mujoco.MjModel.from_xml_string(FORMATS["mjcf"].write(one, "a")["a.xml"].decode())
+    assert model.ngeom >= len(SHAPES[name][0])
+    volume = float(np.linalg.det(one.solid.triangles).sum() / 6) * size**3
+    if size >= 1:
+        assert model.body("abstraction").mass[0] == pytest.approx(1000 * volume, rel=1e-6)
+
+
+def test_names_that_xml_cannot_hold_are_written_without(tmp_path: Path) -> None:
+    one = replace(abstraction(*SHAPES["boxes"]), model_id='<&">\uffff\x01chair')
+    for name in ("urdf", "mjcf"):
+        data = written(one, [name], "a")[f"a{FORMATS[name].suffix}"]
+        root = ElementTree.fromstring(data)
+        assert '<&">__chair' in (root.get("name"), root.get("model"))
+
+
+def test_a_urdf_saved_over_another_leaves_none_of_it(tmp_path: Path) -> None:
+    abstraction(*SHAPES["random"]).save(tmp_path / "a.urdf")
+    assert list((tmp_path / "a.convex").iterdir())
+    abstraction(*SHAPES["boxes"]).save(tmp_path / "a.urdf")
+    assert not (tmp_path / "a.convex").exists()
