@@ -81,7 +81,13 @@ settings = {"abstract": {"metric_samples": 300}, "ingest": {"surface_points": 50
 abstract = pnabs.abstract
 mesh = trimesh.creation.box((1, 1, 1))
 done = []
-thread = threading.Thread(target=lambda: done.append(abstract(mesh, weights=sys.argv[1], settings=settings)))
+
+
+def work():
+    done.append(abstract(mesh, weights=sys.argv[1], settings=settings))
+
+
+thread = threading.Thread(target=work)
 thread.start()
 thread.join()
 print(len(done))
