@@ -6,7 +6,7 @@ As `warm_ingest`, for its children.
 import torch
 
 import pnabs.model.predict
-import pnabs.stages.files  # noqa: F401
+import pnabs.stages.file_work  # noqa: F401
 from pnabs.geometry import fields, metrics
 
 # Before the fork: a child that finds threads of its parent's missing would wait for them.

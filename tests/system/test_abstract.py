@@ -24,7 +24,8 @@ from pnabs.cli import main
 from pnabs.dataset.samples import write_collection
 from pnabs.formats import FORMATS
 from pnabs.stages import writing
-from pnabs.stages.files import FileTask, FileWork, Item
+from pnabs.stages.file_state import Item
+from pnabs.stages.file_work import FileTask, FileWork
 from pnabs.store.atomic import write_atomic
 from tests.weights import untrained
 
