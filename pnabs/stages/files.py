@@ -7,8 +7,10 @@ change between two times.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,9 @@ HOPELESS = 4
 
 SETTABLE = ("ingest", "difference", "abstract", "runtime")
 """Groups of settings that the command takes."""
+
+LOADING_SECONDS = 10.0
+"""When nothing was done for so long at first, the user is told why that may be."""
 
 RESULTS_TOLD = 20
 FAILURES_TOLD = 20
@@ -165,7 +170,9 @@ def abstract_files(
                 items = missing(files, settings, recipe, quarantine, reporter, retry=retry)
             work = FileWork(settings, recipe, token, {item.model_id: item for item in items})
             with reporter.track("abstract", total, "meshes") as tracker:
-                progress = _Progress(tracker, interrupts, quarantine, total, total - len(items))
+                progress = _Progress(
+                    tracker, reporter, interrupts, quarantine, total, total - len(items)
+                )
                 _do(work, ThreadExecutor(limits, jobs), progress)
             quarantine.rewrite()
         except InterruptedRunError as error:
@@ -212,13 +219,20 @@ class _Progress(batch.Watcher):
     """Tells how far it is, and ends the work when asked to."""
 
     tracker: Tracker
+    reporter: Reporter
     interrupts: Interrupts
     quarantine: Quarantine
     total: int
-    seen: int
+    before: int
     fallen: int = 0
+    seen: int = 0
+    begun: float = field(default_factory=time.monotonic)
+
+    def __post_init__(self) -> None:
+        self.seen = self.before
 
     def progress(self, models: int) -> None:
+        self._tell_why()
         note = f"quarantined={self.fallen}" if self.fallen else ""
         self.tracker.update(self.seen, note)
         number = self.interrupts()
@@ -226,6 +240,14 @@ class _Progress(batch.Watcher):
             raise InterruptedRunError(
                 f"stopped; {self.seen} of {self.total} meshes, or a few more, are done",
                 128 + number,
+            )
+
+    def _tell_why(self) -> None:
+        """Why nothing happens at first."""
+        if self.seen == self.before and time.monotonic() - self.begun > LOADING_SECONDS:
+            self.begun = math.inf
+            self.reporter.say(
+                "still loading; after an installation kernels are compiled, once, for about a minute"
             )
 
     def settle(self, outcome: batch.Outcome, mark: str) -> None:
