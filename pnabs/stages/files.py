@@ -247,7 +247,7 @@ class _Progress(batch.Watcher):
         if self.seen == self.before and time.monotonic() - self.begun > LOADING_SECONDS:
             self.begun = math.inf
             self.reporter.say(
-                "still loading; after an installation kernels are compiled, once, for about a minute"
+                "still loading; after an installation, kernels are compiled once, for a minute"
             )
 
     def settle(self, outcome: batch.Outcome, mark: str) -> None:
