@@ -244,7 +244,9 @@ def test_killed_and_run_again(place: Path, finished: Path, tmp_path: Path) -> No
     assert tree(out) == tree(finished)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_stopped_in_good_order(place: Path, tmp_path: Path, number: signal.Signals) -> None:
     out = tmp_path / "out"
     driver = start(place, out)

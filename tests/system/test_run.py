@@ -242,8 +242,8 @@ def test_a_newer_version_of_a_stage_is_refused_then_redone(
     shards = [event["stage"] for event in done if event["event"] == "shard"]
     phases = [event["phase"] for event in done if event["event"] == "phase-start"]
     assert set(shards) == dependent - {"train-negative"}
-    # Each of its five shards once.
-    assert {shards.count(name) for name in shards} == {5}
+    # Each of their shards once.
+    assert all(shards.count(name) == len(Ledger(run).shards(name)) for name in shards)
     assert {f"train-{phase.partition('-')[0]}" for phase in phases} == (
         dependent & {"train-negative"}
     )
