@@ -22,7 +22,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from pathlib import Path
 from typing import IO, Any
 
@@ -47,6 +47,8 @@ def start_server(preload: Sequence[str]) -> None:
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(preload))
+    # Starting this by the way, as the next would, lets Ctrl-C through again.
+    resource_tracker.ensure_running()
     # Ctrl-C goes to the server as well, which ignores it once its imports are done.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

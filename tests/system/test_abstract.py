@@ -199,7 +199,7 @@ def test_only_what_changed_is_done_again(place: Path, finished: Path, tmp_path: 
     assert times(out)["bench/one"] != before["bench/one"]
 
 
-def start(place: Path, out: Path) -> subprocess.Popen[str]:
+def start(place: Path, out: Path, **options: bool) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "pnabs.cli", *arguments(place, out, "--jobs", "1")],
         stdout=subprocess.PIPE,
@@ -207,6 +207,7 @@ def start(place: Path, out: Path) -> subprocess.Popen[str]:
         text=True,
         cwd=Path(__file__).parents[2],
         env=os.environ | {"HOME": str(out.parent), "PNABS_TEST": str(out)},
+        **options,
     )
 
 
@@ -358,3 +359,18 @@ def test_a_gltf_is_known_by_its_buffers_too(place: Path, tmp_path: Path) -> None
     buffer.write_bytes(buffer.read_bytes()[:-4] + bytes(4))
     run(place, out, meshes=meshes)
     assert dict([before]) != times(out)
+
+
+def test_stopped_while_it_loads(place: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    driver = start(place, out, start_new_session=True)
+    # The server that children are forked from is there, and importing.
+    deadline = time.monotonic() + 60
+    while len(processes_of(out)) < 3:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.killpg(driver.pid, signal.SIGINT)  # as a terminal does
+    _, said = driver.communicate(timeout=60)
+    assert driver.returncode == 130
+    assert "Traceback" not in said
+    assert "stopped" in said
