@@ -6,11 +6,14 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from click.testing import CliRunner, Result
 
-from pnabs.cli import STAGES, main
+from pnabs import settings
+from pnabs.cli import FORMATS, STAGES, main
+from pnabs.formats import registry
 from pnabs.stages import plan
 
 JOB = "dataset: {root: ROOT, layout: folder}\nout: OUT\n"
@@ -47,8 +50,9 @@ def test_help_loads_nothing_heavy() -> None:
     assert "--dry-run" in done.stdout
 
 
-def test_stages_are_the_plans() -> None:
+def test_stages_and_formats_are_those_there_are() -> None:
     assert STAGES == plan.STAGES
+    assert tuple(registry.FORMATS) == get_args(settings.FormatName) == FORMATS
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,17 @@ def mark_of(settings: Settings, recipe: str, file: File, siblings: Iterable[str]
 
 
 def result_fingerprint(recipe: str, sha256: str, siblings: Mapping[str, str]) -> str:
+    """By what a record says of what it was made.
+
+    Parameters
+    ----------
+    recipe
+        `recipe_of` the job.
+    sha256
+        Of the mesh file's bytes.
+    siblings
+        Name -> SHA-256 of the other files that it is made of.
+    """
     return fingerprint(recipe, {"mesh": sha256, "siblings": dict(siblings)})
 
 
