@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -132,3 +136,21 @@ def test_written_types() -> None:
     vertices, faces = to_float32_mesh(crop(random_cuboids(0, 2), Cuboids.empty(), min_side=2e-3))
     assert vertices.dtype == np.float32
     assert faces.dtype == np.int32
+
+
+ONE_THREAD = """
+import os, numpy as np
+from pnabs.geometry.crop import crop
+from tests.geometry.boxes import random_cuboids
+threads = lambda: len(os.listdir("/proc/self/task"))
+boxes, cores, before = random_cuboids(0, 8), os.sched_getaffinity(0), threads()
+for _ in range(20):
+    crop(boxes, boxes[:1], min_side=2e-3)
+print(threads() - before, os.sched_getaffinity(0) == cores)
+"""
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core")
+def test_a_crop_takes_one_thread_and_leaves_the_process_its_cores() -> None:
+    done = subprocess.run([sys.executable, "-c", ONE_THREAD], capture_output=True, text=True)
+    assert done.stdout.split() == ["0", "True"], done.stderr
