@@ -53,8 +53,29 @@ def main() -> None:
     """
 
 
+def _numbers(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> tuple[int, ...] | None:
+    """`4,8` as (4, 8)."""
+    if value is None:
+        return None
+    parts = [part.strip() for part in value.split(",")]
+    if not all(part.isdecimal() and int(part) for part in parts):
+        raise click.BadParameter(f"{value!r} is no list of numbers such as 4,8,16", ctx, param)
+    return tuple(int(part) for part in parts)
+
+
 job_argument = click.argument("job", type=click.Path(dir_okay=False, path_type=Path))
 run_argument = click.argument("run", type=click.Path(file_okay=False, path_type=Path))
+boxes_option = click.option(
+    "--boxes", type=click.IntRange(1), help="Boxes a shape at most, negatives included [20]."
+)
+levels_option = click.option(
+    "--levels",
+    metavar="N,N...",
+    callback=_numbers,
+    help="Coarser levels of detail too, of so many boxes: 4,8,16.",
+)
 run_options = [
     click.option("--out", type=click.Path(path_type=Path), help="The run folder."),
     click.option(
@@ -63,6 +84,8 @@ run_options = [
     click.option("--stages", help=f"Only these, by comma: {', '.join(STAGES)}."),
     click.option("--category", "categories", multiple=True, help="Only this category."),
     click.option("--limit", type=click.IntRange(1), help="At most so many models a category."),
+    boxes_option,
+    levels_option,
     click.option(
         "--max-failed",
         type=click.FloatRange(0, 100),
@@ -93,6 +116,8 @@ def run(
     stages: str | None,
     categories: tuple[str, ...],
     limit: int | None,
+    boxes: int | None,
+    levels: tuple[int, ...] | None,
     max_failed: float | None,
     accept_changes: bool,
     keep_weights: bool,
@@ -109,7 +134,7 @@ def run(
     reporter = Reporter()
     _check_keep(accept_changes, keep_weights)
     with _errors():
-        loaded = load_job(job, _overrides(overrides, limit), out)
+        loaded = load_job(job, _overrides(overrides, limit, boxes, levels), out)
         options = Options(
             address=address,
             stages=_stages(stages),
@@ -180,6 +205,8 @@ def submit(
     stages: str | None,
     categories: tuple[str, ...],
     limit: int | None,
+    boxes: int | None,
+    levels: tuple[int, ...] | None,
     max_failed: float | None,
     accept_changes: bool,
     keep_weights: bool,
@@ -195,7 +222,7 @@ def submit(
 
     _check_keep(accept_changes, keep_weights)
     with _errors():
-        loaded = load_job(job, _overrides(overrides, limit), out)
+        loaded = load_job(job, _overrides(overrides, limit, boxes, levels), out)
         _stages(stages)
         arguments = ["--stages", stages] if stages else []
         for category in categories:
@@ -290,6 +317,8 @@ def report(run: Path) -> None:
     type=click.Choice(FORMATS),
     help="What to write beside abstraction.json [glb]; may be repeated.",
 )
+@boxes_option
+@levels_option
 @click.option("--jobs", type=click.IntRange(1), help="Meshes at a time [one a CPU].")
 @click.option(
     "--seed",
@@ -306,6 +335,8 @@ def abstract(
     out: Path,
     weights: str,
     formats: tuple[str, ...],
+    boxes: int | None,
+    levels: tuple[int, ...] | None,
     jobs: int | None,
     seed: int,
     overrides: tuple[str, ...],
@@ -323,6 +354,7 @@ def abstract(
     from pnabs.stages.files import abstract_files, files_job
     from pnabs.stages.progress import Reporter
 
+    overrides = _overrides(overrides, None, boxes, levels)
     if max_failed is not None:
         overrides = (*overrides, f"runtime.max_failed={max_failed}")
     with _errors():
@@ -375,8 +407,17 @@ def _check_keep(accept_changes: bool, keep_weights: bool) -> None:
         raise click.UsageError("--keep-weights goes with --accept-changes")
 
 
-def _overrides(overrides: tuple[str, ...], limit: int | None) -> tuple[str, ...]:
-    return overrides if limit is None else (*overrides, f"dataset.limit={limit}")
+def _overrides(
+    overrides: tuple[str, ...],
+    limit: int | None,
+    boxes: int | None,
+    levels: tuple[int, ...] | None,
+) -> tuple[str, ...]:
+    """The settings that options stand for, after those that are given by name."""
+    options = {"dataset.limit": limit, "abstract.boxes": boxes}
+    given = [f"{key}={value}" for key, value in options.items() if value is not None]
+    given += [f"abstract.levels={list(levels)}"] if levels is not None else []
+    return (*overrides, *given)
 
 
 def _stages(text: str | None) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +14,11 @@ from pnabs import settings
 from pnabs.formats import Abstraction
 from pnabs.geometry.difference import difference_volume
 from pnabs.geometry.fields import compute_fields
-from pnabs.geometry.metrics import measure
+from pnabs.geometry.fit.build import Terms
+from pnabs.geometry.fit.fit import Fitted, FittedLevel, fit
+from pnabs.geometry.metrics import iou, measure, predicted_occupancy
 from pnabs.geometry.postprocess import postprocess
-from pnabs.geometry.solidify import solidify
+from pnabs.geometry.solidify import SolidResult, solidify
 from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Mesh
 
 if TYPE_CHECKING:
@@ -37,6 +39,8 @@ class Shape:
     surface : (P, 6) float32
     transform : (4, 4) float64
         Normalised frame -> the input's coordinates.
+    mirror : int
+        Axis across which it is its own mirror image, or -1.
     """
 
     occupancy: Bool
@@ -44,6 +48,7 @@ class Shape:
     sdf: Float32
     surface: Float32
     transform: Float64
+    mirror: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +150,8 @@ def finish(
 ) -> Abstraction:
     """From predicted cuboids to the checked, measured abstraction (METHOD, abstraction).
 
-    Post-processes the negatives, crops, drops debris, checks and measures.
+    Post-processes the negatives, fits all cuboids to the shape, crops, drops debris, checks
+    and measures.
 
     Parameters
     ----------
@@ -160,7 +166,80 @@ def finish(
         options,
     )
     positives = thickened(prediction.positives, options.min_side)
-    solid = solidify(positives, negatives, options, rng)
+    counts: dict[str, float | int] = {
+        "negatives_predicted": report.predicted,
+        "negatives_kept": report.kept,
+        "shrunk": report.shrunk,
+        "grown": report.grown,
+        "discarded_deep": report.discarded_deep,
+        "discarded_overlap": report.discarded_overlap,
+        "discarded_gap": report.discarded_gap,
+        "discarded_idle": report.discarded_idle,
+        "suppressed": report.suppressed,
+    }
+    for resolution, reference in ((32, shape.occupancy), (64, shape.occupancy_64)):
+        predicted = predicted_occupancy(positives, negatives, resolution, options.min_side)
+        counts[f"iou_{resolution}_networks"] = iou(predicted, reference)
+    coarser: dict[int, FittedLevel] = {}
+    if options.fit:
+        fitted = _fitted(positives, negatives, shape, options, rng)
+        if len(fitted.positives):
+            positives, negatives, coarser = fitted.positives, fitted.negatives, fitted.coarser
+            counts |= {
+                "mirrored_pairs": fitted.pairs,
+                "self_mirrored": fitted.centred,
+                "axis_aligned": fitted.aligned,
+            }
+
+    def made(added: Cuboids, removed: Cuboids, more: dict[str, float | int]) -> Abstraction:
+        solid = solidify(added, removed, options, rng)
+        return Abstraction.from_solid(
+            solid,
+            category=category,
+            model_id=model_id,
+            positives=added,
+            negatives=removed,
+            transform=shape.transform,
+            metrics=_measured(added, removed, solid, shape, options, rng) | more,
+            provenance=provenance,
+        )
+
+    finest = made(positives, negatives, counts)
+    levels = {
+        size: replace(made(level.positives, level.negatives, {}), origins=level.origins)
+        for size, level in coarser.items()
+    }
+    return replace(finest, levels=levels) if levels else finest
+
+
+def _fitted(
+    positives: Cuboids,
+    negatives: Cuboids,
+    shape: Shape,
+    options: settings.Abstract,
+    rng: np.random.Generator,
+) -> Fitted:
+    return fit(
+        shape.occupancy_64,
+        shape.surface,
+        shape.mirror,
+        Terms(options.boxes, options.price, options.negatives),
+        rng,
+        start=None if options.start == "scattered" else (positives, negatives),
+        scattered=options.start != "networks",
+        sizes=options.levels,
+    )
+
+
+def _measured(
+    positives: Cuboids,
+    negatives: Cuboids,
+    solid: SolidResult,
+    shape: Shape,
+    options: settings.Abstract,
+    rng: np.random.Generator,
+) -> dict[str, float | int]:
+    """The metrics of an abstraction, and how many cuboids it has."""
     found = measure(
         positives,
         negatives,
@@ -173,30 +252,12 @@ def finish(
     )
     # An empty result has no distances: absent rather than not a number.
     metrics = {name: value for name, value in found.items() if math.isfinite(value)}
-    metrics |= {
+    return metrics | {
         "positives": len(positives),
-        "negatives_predicted": report.predicted,
-        "negatives_kept": report.kept,
-        "shrunk": report.shrunk,
-        "grown": report.grown,
-        "discarded_deep": report.discarded_deep,
-        "discarded_overlap": report.discarded_overlap,
-        "discarded_gap": report.discarded_gap,
-        "discarded_idle": report.discarded_idle,
-        "suppressed": report.suppressed,
+        "negatives": len(negatives),
         "pieces_dropped": len(solid.mesh.dropped),
         "jitter_attempt": solid.recipe.jitter_attempt,
     }
-    return Abstraction.from_solid(
-        solid,
-        category=category,
-        model_id=model_id,
-        positives=positives,
-        negatives=negatives,
-        transform=shape.transform,
-        metrics=metrics,
-        provenance=provenance,
-    )
 
 
 class Abstractor:
@@ -239,7 +300,12 @@ class Abstractor:
         rng = model_rng(job.seed, "ingest", category, model_id)
         fields = compute_fields(mesh, job.ingest, job.dataset.layout, rng)
         shape = Shape(
-            fields.occupancy, fields.occupancy_64, fields.sdf, fields.surface, fields.transform
+            fields.occupancy,
+            fields.occupancy_64,
+            fields.sdf,
+            fields.surface,
+            fields.transform,
+            fields.mirror,
         )
         (prediction,) = self._predictor(shape.occupancy[None], shape.sdf[None])
         return finish(

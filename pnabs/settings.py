@@ -19,6 +19,7 @@ from pydantic import (
     PositiveFloat,
     PositiveInt,
     field_validator,
+    model_validator,
 )
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights"
@@ -231,6 +232,19 @@ class Abstract(Group):
 
     negatives: bool = True
     """Crop with negatives at all."""
+    fit: bool = True
+    """Fit the boxes to each shape: improve, add, take away and exchange them until they agree with
+    its solid as well as `boxes` and `price` allow (off = the paper, what the networks say)."""
+    boxes: PositiveInt = 20
+    """Boxes at most that the fit may use, negatives included."""
+    price: Share = 0.004
+    """IoU that a box must add to be kept by the fit."""
+    start: Literal["best", "networks", "scattered"] = "best"
+    """What the fit begins with: the networks' boxes, none (boxes are then scattered where the shape
+    is thickest), or both, of which the better is gone on with."""
+    levels: tuple[PositiveInt, ...] = ()
+    """Coarser levels of detail that the fit makes beside the finest: numbers of boxes at most, such
+    as [4, 8]. A level leaves out boxes of the finer one or puts one in the place of several."""
     postprocess: bool = True
     """Shrink, grow, discard and suppress negatives (3.3)."""
     iterations: PositiveInt = 8
@@ -261,6 +275,17 @@ class Abstract(Group):
     @classmethod
     def _one_is_a_list_of_one(cls, value: Any) -> Any:
         return (value,) if isinstance(value, str) else value
+
+    @field_validator("levels", mode="before")
+    @classmethod
+    def _one_level_is_a_list_of_one(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, int) else value
+
+    @model_validator(mode="after")
+    def _levels_are_fitted(self) -> Abstract:
+        if self.levels and not self.fit:
+            raise ValueError("levels are made by the fit: leave levels out, or switch fit on")
+        return self
 
 
 class Runtime(Group):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -34,16 +36,23 @@ def table() -> Shape:
     options = Ingest(surface_points=4000, interior_points=64)
     fields = compute_fields(placed, options, "folder", np.random.default_rng(0))
     return Shape(
-        fields.occupancy, fields.occupancy_64, fields.sdf, fields.surface, fields.transform
+        fields.occupancy,
+        fields.occupancy_64,
+        fields.sdf,
+        fields.surface,
+        fields.transform,
+        fields.mirror,
     )
 
 
-def finished(shape: Shape, positives: Cuboids, negatives: Cuboids, **options: bool) -> Abstraction:
+def finished(
+    shape: Shape, positives: Cuboids, negatives: Cuboids, *, fit: bool = False, **options: Any
+) -> Abstraction:
     volume = difference_volume(positives, shape.occupancy, shape.sdf, Difference())
     return finish(
         Prediction(positives, negatives, volume),
         shape,
-        Abstract(metric_samples=2000, **options),  # type: ignore[arg-type]
+        Abstract(metric_samples=2000, fit=fit, **options),
         category="table",
         model_id="t",
         rng=np.random.default_rng(1),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pnabs.formats.abstraction import Abstraction, FormatError
 from pnabs.formats.glb import to_glb
 from pnabs.formats.json_format import from_json, to_json
-from pnabs.formats.registry import FORMATS, STEM, Format, single, written
+from pnabs.formats.registry import FORMATS, STEM, Format, level_stem, single, written
 
 __all__ = [
     "FORMATS",
@@ -14,6 +14,7 @@ __all__ = [
     "Format",
     "FormatError",
     "from_json",
+    "level_stem",
     "single",
     "to_glb",
     "to_json",

@@ -40,6 +40,11 @@ class Abstraction:
         The findings of `pnabs.geometry.check.check` on the mesh.
     provenance : dict
         What made it: versions, settings, seed.
+    levels : dict of int to Abstraction
+        Coarser levels of detail: number of boxes at most -> the level.
+    origins : list of list of int
+        Of a coarser level: for each of its cuboids, positives before negatives, the cuboids of
+        the finest level that it stands for.
     """
 
     category: str
@@ -52,6 +57,8 @@ class Abstraction:
     metrics: dict[str, float | int] = field(default_factory=dict)
     check: dict[str, bool | int] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    levels: dict[int, Abstraction] = field(default_factory=dict)
+    origins: list[list[int]] = field(default_factory=list)
 
     @classmethod
     def from_solid(
@@ -115,7 +122,7 @@ class Abstraction:
     def edited(
         self, *, positives: Cuboids | None = None, negatives: Cuboids | None = None
     ) -> Abstraction:
-        """The abstraction with other cuboids, cropped and checked anew.
+        """The abstraction with other cuboids, cropped and checked anew, without coarser levels.
 
         Its metrics are counts alone: distances and overlaps need the shape.
 
@@ -141,7 +148,7 @@ class Abstraction:
         solid = make_checked(positives, negatives, replace(self.recipe, jitter_attempt=0))
         counts: dict[str, float | int] = {
             "positives": len(positives),
-            "negatives_kept": len(negatives),
+            "negatives": len(negatives),
             "faces": len(solid.mesh.faces),
             "pieces": solid.mesh.pieces,
             "pieces_dropped": len(solid.mesh.dropped),
@@ -165,13 +172,14 @@ class Abstraction:
         return Mesh(placed, self.solid.faces.astype(np.int64))
 
     def save(self, path: str | Path) -> None:
-        """Write it in the format that the file's suffix names.
+        """Write it in the format that the file's suffix names, and its coarser levels beside it.
 
         Parameters
         ----------
         path : str or Path
             Ends in the suffix of one of `pnabs.formats.FORMATS`, such as `.json`, `.glb`,
             `.parts.glb`, `.urdf`.  What the format needs beside that file is written beside it.
+            The level of 8 boxes of `chair.glb` is `chair.level8.glb`; `.json` holds all levels.
 
         Raises
         ------

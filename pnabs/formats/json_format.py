@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Annotated, Any, Literal, NoReturn
 
 import numpy as np
@@ -85,6 +86,28 @@ class Debris(_Strict):
     """From the largest to the smallest."""
 
 
+class Level(_Strict):
+    """A coarser level of detail: the same shape with fewer cuboids."""
+
+    boxes: Annotated[int, Field(ge=1)]
+    """How many cuboids it has at most."""
+    origins: list[list[_Count]]
+    """For each cuboid, positives before negatives, the cuboids of the document that it stands
+    for, counted in the same way."""
+    positives: list[Cuboid]
+    """As the document's."""
+    negatives: list[Cuboid]
+    """As the document's."""
+    crop: Crop
+    """As the document's."""
+    debris: Debris
+    """As the document's."""
+    metrics: dict[str, int | FiniteFloat | None]
+    """As the document's."""
+    check: dict[str, bool | int]
+    """As the document's."""
+
+
 class Document(_Strict):
     """A shape as positive cuboids cropped by negative ones (pnabs/abstraction, version 1)."""
 
@@ -112,6 +135,8 @@ class Document(_Strict):
     """Findings about the written mesh; `ok` where nothing is wrong with it."""
     provenance: dict[str, Any]
     """What made it."""
+    levels: list[Level] = []
+    """Coarser levels of detail, if there are any, the finest first."""
 
     @field_validator("transform")
     @classmethod
@@ -160,6 +185,8 @@ def to_json(abstraction: Abstraction) -> bytes:
         _line("check", abstraction.check),
         _line("provenance", abstraction.provenance),
     ]
+    if abstraction.levels:
+        lines.append(_rows("levels", [_level(*one) for one in abstraction.levels.items()]))
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode("ascii")
 
 
@@ -199,18 +226,38 @@ def from_json(data: bytes) -> Abstraction:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "the document"
         raise FormatError(f"not an abstraction: {place}: {first['msg']}") from error
+    levels = {level.boxes: _abstraction(found, level) for level in found.levels}
+    return replace(_abstraction(found, found), levels=levels)
+
+
+def _abstraction(document: Document, part: Document | Level) -> Abstraction:
+    """The document's own cuboids, or those of one of its levels."""
     return Abstraction(
-        category=found.category,
-        model_id=found.model_id,
-        positives=_cuboids(found.positives),
-        negatives=_cuboids(found.negatives),
-        transform=np.array(found.transform, dtype=np.float64),
-        crop=found.crop.model_dump(),
-        debris=found.debris.model_dump(),
-        metrics={k: math.nan if v is None else v for k, v in found.metrics.items()},
-        check=found.check,
-        provenance=found.provenance,
+        category=document.category,
+        model_id=document.model_id,
+        positives=_cuboids(part.positives),
+        negatives=_cuboids(part.negatives),
+        transform=np.array(document.transform, dtype=np.float64),
+        crop=part.crop.model_dump(),
+        debris=part.debris.model_dump(),
+        metrics={k: math.nan if v is None else v for k, v in part.metrics.items()},
+        check=part.check,
+        provenance=document.provenance,
+        origins=part.origins if isinstance(part, Level) else [],
     )
+
+
+def _level(size: int, level: Abstraction) -> dict[str, Any]:
+    return {
+        "boxes": size,
+        "origins": level.origins,
+        "positives": cuboid_records(level.positives),
+        "negatives": cuboid_records(level.negatives),
+        "crop": level.crop,
+        "debris": level.debris,
+        "metrics": {k: _defined(v) for k, v in level.metrics.items()},
+        "check": level.check,
+    }
 
 
 def cuboid_records(cuboids: Cuboids) -> list[dict[str, list[float]]]:

@@ -69,8 +69,15 @@ FORMATS = {
 """Name -> format."""
 
 
+def level_stem(stem: str, size: int) -> str:
+    """What the files of a coarser level are named by."""
+    return f"{stem}.level{size}"
+
+
 def written(abstraction: Abstraction, formats: Iterable[str], stem: str = STEM) -> dict[str, bytes]:
-    """File name -> content of an abstraction in some formats.
+    """File name -> content of an abstraction in some formats, each level's before its own.
+
+    Coarser levels are in `abstraction.json`, and have files of their own in other formats.
 
     Parameters
     ----------
@@ -79,6 +86,9 @@ def written(abstraction: Abstraction, formats: Iterable[str], stem: str = STEM) 
     """
     files: dict[str, bytes] = {}
     for name in formats:
+        if name != "json":
+            for size, level in abstraction.levels.items():
+                files |= FORMATS[name].write(level, level_stem(stem, size))
         files |= FORMATS[name].write(abstraction, stem)
     return files
 

@@ -109,8 +109,13 @@ class _Cropped:
         if not self.cutters:
             return [self.solid]
         cut = [self.solid, *(cutter.solid for cutter in self.cutters)]
-        left: list[Manifold] = Manifold.batch_boolean(cut, OpType.Subtract).decompose()
-        return left
+        shells: list[Manifold] = Manifold.batch_boolean(cut, OpType.Subtract).decompose()
+        # A cavity is a shell of its own, inside out.
+        hollows = [_turned_over(shell) for shell in shells if shell.volume() < 0]
+        outer = [shell for shell in shells if shell.volume() > 0]
+        if not hollows:
+            return outer
+        return [Manifold.batch_boolean([shell, *hollows], OpType.Subtract) for shell in outer]
 
     def cells(self) -> list[Manifold]:
         """Disjoint convex solids that together are what is left of it."""
@@ -157,6 +162,14 @@ def _debris(positives: Cuboids, negatives: Cuboids, recipe: CropRecipe) -> Manif
     used, faces = np.unique(whole.faces[small[pieces.label]], return_inverse=True)
     mesh = Mesh64(whole.vertices[used], faces.reshape(-1, 3).astype(np.uint64))
     return Manifold(mesh)
+
+
+def _turned_over(shell: Manifold) -> Manifold:
+    mesh = shell.to_mesh64()
+    faces = np.array(mesh.tri_verts[:, ::-1], dtype=np.uint64, order="C")
+    return Manifold(
+        Mesh64(np.array(mesh.vert_properties[:, :3], dtype=np.float64, order="C"), faces)
+    )
 
 
 def _without(cell: Manifold, cutter: _Cutter, least: float) -> list[Manifold]:

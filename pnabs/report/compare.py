@@ -29,9 +29,10 @@ _LABELS: dict[Role, str] = {
     "positives": "positives only",
     "difference": "difference",
     "mesh": "as the written mesh",
+    "networks": "as the networks predict",
     "floor": "sampling floor",
 }
-_ORDER: tuple[Role, ...] = ("cropped", "positives", "difference", "mesh", "floor")
+_ORDER: tuple[Role, ...] = (*("cropped", "positives", "difference", "mesh", "networks", "floor"),)
 
 
 def bootstrap_means(values: Float64, resamples: int, rng: np.random.Generator) -> Float64:
@@ -208,6 +209,8 @@ def _method_rows(
         for role in _ORDER
         if role in roles
         for i in (roles.index(role),)
+        # without a fit the prediction is the result
+        if role != "networks" or not np.array_equal(values[:, i], values[:, 0], equal_nan=True)
     ]
     return rows, int(missing.sum())
 

@@ -92,6 +92,8 @@ def _card(item: GalleryItem, view: View) -> Card:
         if (value := _number(row, key))
     ]
     chips.append((f"{_count(row, 'negatives_kept')} kept", "kept"))
+    if _number(row, "axis_aligned") is not None:
+        chips.append((f"{_count(row, 'negatives')} after the fit", "kept"))
     fitted = [f"{value:.0f} {key}" for key in ("shrunk", "grown") if (value := _number(row, key))]
     facts = [f"{_count(row, 'positives')} positives", *fitted, f"{_count(row, 'faces')} faces"]
     pieces, dropped, check = (_number(row, key) for key in ("pieces", "pieces_dropped", "check_ok"))

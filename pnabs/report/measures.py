@@ -39,7 +39,11 @@ MEASURES = (
         "IoU at 32³",
         "%",
         "higher",
-        (("cropped", "iou_32"), ("positives", "iou_32_positives")),
+        (
+            ("cropped", "iou_32"),
+            ("positives", "iou_32_positives"),
+            ("networks", "iou_32_networks"),
+        ),
         100.0,
         True,
     ),
@@ -48,7 +52,12 @@ MEASURES = (
         "IoU at 64³",
         "%",
         "higher",
-        (("cropped", "iou_64"), ("positives", "iou_64_positives"), ("mesh", "iou_mesh_64")),
+        (
+            ("cropped", "iou_64"),
+            ("positives", "iou_64_positives"),
+            ("mesh", "iou_mesh_64"),
+            ("networks", "iou_64_networks"),
+        ),
         100.0,
         True,
     ),
@@ -85,6 +94,10 @@ MEASURES = (
 
 MEANS = (
     ("positives", "positives", 1),
+    ("negatives", "negatives", 1),
+    ("boxes along the axes", "axis_aligned", 1),
+    ("mirrored pairs of boxes", "mirrored_pairs", 1),
+    ("boxes that mirror themselves", "self_mirrored", 1),
     ("negatives predicted", "negatives_predicted", 1),
     ("negatives shrunk", "shrunk", 2),
     ("negatives grown", "grown", 2),

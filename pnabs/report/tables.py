@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-Role = Literal["cropped", "positives", "difference", "mesh", "floor", "count"]
+Role = Literal["cropped", "positives", "difference", "mesh", "networks", "floor", "count"]
 
 
 @dataclass(frozen=True, slots=True)

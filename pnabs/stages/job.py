@@ -21,7 +21,7 @@ PAPER: dict[str, Any] = {
         "burn_in": 0,
         "losses": {"occupancy": 0.0, "separation": 1.0},
     },
-    "abstract": {"iterations": 3},
+    "abstract": {"iterations": 3, "fit": False},
 }
 """`preset: paper`: where our defaults go beyond the paper's numbers."""
 
@@ -156,7 +156,8 @@ def _explain(item: Any, where: Mapping[tuple[str, ...], str], fallback: str) -> 
         return f"{place}{key}: quote synsets, as in '03001627'; YAML reads them as numbers"
     if item["type"] == "missing":
         return f"{place}{key} is missing"
-    return f"{place}{key}: {item['msg']} (got {item['input']!r})"
+    got = "" if isinstance(item["input"], dict) else f" (got {item['input']!r})"
+    return f"{place}{key}: {item['msg']}{got}"
 
 
 def _group(location: tuple[str, ...]) -> list[str]:

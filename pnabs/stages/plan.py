@@ -24,7 +24,7 @@ VERSIONS = {
     "train-positive": 1,
     "difference": 1,
     "train-negative": 1,
-    "abstract": 2,
+    "abstract": 3,
 }
 """Raised when a stage's bytes change for the same settings and inputs."""
 

@@ -13,7 +13,7 @@ from pnabs.settings import Settings
 from pnabs.stages.context import split_shard
 from pnabs.store.run import RunFolder
 
-NAMES = ("occupancy", "occupancy_64", "sdf", "surface", "transform")
+NAMES = ("occupancy", "occupancy_64", "sdf", "surface", "transform", "mirror")
 
 
 class StoredShard:
@@ -59,4 +59,5 @@ class StoredShard:
                 self._arrays["sdf"][i],
                 self._arrays["surface"][i],
                 self._arrays["transform"][i],
+                int(self._arrays["mirror"][i]),
             )

@@ -3,6 +3,8 @@
 As `warm_ingest`, for the children of the abstract stage.
 """
 
-from pnabs.geometry.metrics import warm_up
+from pnabs.geometry import metrics
+from pnabs.geometry.fit import fit
 
-warm_up()
+metrics.warm_up()
+fit.warm_up()

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from pnabs.formats import FORMATS, STEM
+from pnabs.formats import FORMATS, STEM, level_stem
 from pnabs.store.atomic import sweep, sync_folder, write_atomic
 
 
@@ -28,6 +28,8 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
     if folder.is_dir():
         for known in FORMATS.values():
             (folder / f"{STEM}{known.suffix}").unlink(missing_ok=True)
+        for path in folder.glob(f"{level_stem(STEM, 0)[:-1]}[0-9]*"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
         sync_folder(folder)
         clear_partials(folder)
     paths = [folder / name for name in files]
@@ -41,8 +43,8 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
 
 def clear_partials(folder: Path) -> None:
     """Remove what a killed writer left, and files that lay beside one that isn't there."""
+    sweep(folder, f".{STEM}.*")
     for known in FORMATS.values():
         own = f"{STEM}{known.suffix}"
-        sweep(folder, f".{own}")
         if known.beside and not (folder / own).exists():
             shutil.rmtree(folder / f"{STEM}{known.beside}", ignore_errors=True)

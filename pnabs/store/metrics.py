@@ -14,12 +14,14 @@ from pnabs.store.errors import DamagedDataError
 
 FLOATS = (
     *("iou_32", "iou_64", "iou_mesh_64", "iou_32_positives", "iou_64_positives"),
+    *("iou_32_networks", "iou_64_networks"),
     *("cd_l1", "cd_l2", "cd_surface"),
     *("cd_l1_positives", "cd_l2_positives", "cd_surface_positives"),
     *("cd_l1_floor", "cd_l2_floor", "open_space", "open_space_positives"),
 )
 COUNTS = (
-    *("positives", "negatives_predicted", "negatives_kept", "shrunk", "grown"),
+    *("positives", "negatives", "mirrored_pairs", "self_mirrored", "axis_aligned"),
+    *("negatives_predicted", "negatives_kept", "shrunk", "grown"),
     *("discarded_deep", "discarded_overlap", "discarded_gap", "discarded_idle", "suppressed"),
     *("pieces", "pieces_dropped", "faces", "jitter_attempt"),
 )

@@ -75,6 +75,14 @@ def test_a_window_stays_open_between_four_boxes() -> None:
     assert not holds(parts, np.array([[0.05, 0.0, 0.0], [0.14, 0.09, 0.09]])).any()
 
 
+def test_a_cavity_stays_hollow() -> None:
+    within = axis_aligned(([0.2, 0.2, 0.1], [0.05, 0, 0]), ([0.02, 0.02, 0.02], [-0.25, 0, 0]))
+    expected = 0.6 * 0.6 * 0.2 - 0.2 * 0.2 * 0.1 - 0.02**3
+    for parts in (cropped_parts(BLOCK, within, PLAIN), convex_parts(BLOCK, within, PLAIN)):
+        assert sum(volume(part) for part in parts) == pytest.approx(expected, rel=1e-6)
+        assert not holds(parts, np.array([[0.05, 0.0, 0.0], [-0.25, 0.0, 0.0]])).any()
+
+
 def test_what_stays_convex_is_one_part() -> None:
     sloped = Cuboids.from_vector(np.array([[1, 1, 1, 0.92, 0, 0, 0.39, 0.6, 0.5, 0]]))
     (part,) = convex_parts(BLOCK, sloped, PLAIN)

@@ -17,10 +17,12 @@ TEXTS = ("category", "model_id", "split", "status")
 DEFAULTS: dict[str, Any] = {
     "iou_32": 0.6, "iou_64": 0.5, "iou_mesh_64": 0.45,
     "iou_32_positives": 0.5, "iou_64_positives": 0.4,
+    "iou_32_networks": 0.6, "iou_64_networks": 0.5,
     "cd_l1": 20.0, "cd_l2": 1.5, "cd_surface": 12.0,
     "cd_l1_positives": 24.0, "cd_l2_positives": 1.8, "cd_surface_positives": 15.0,
     "cd_l1_floor": 8.0, "cd_l2_floor": 0.1, "open_space": 0.7, "open_space_positives": 0.3,
-    "positives": 8, "negatives_predicted": 6, "negatives_kept": 3, "shrunk": 2, "grown": 1,
+    "positives": 8, "negatives": 3, "axis_aligned": None, "mirrored_pairs": None,
+    "self_mirrored": None, "negatives_predicted": 6, "negatives_kept": 3, "shrunk": 2, "grown": 1,
     "discarded_deep": 1, "discarded_overlap": 0, "discarded_gap": 1, "discarded_idle": 0,
     "suppressed": 1, "pieces": 1, "pieces_dropped": 0, "faces": 100,
     "check_ok": True, "jitter_attempt": 0,
@@ -35,7 +37,7 @@ SCHEMA = pa.schema(
             else pa.bool_()
             if name == "check_ok"
             else pa.int64()
-            if isinstance(DEFAULTS[name], int)
+            if isinstance(DEFAULTS[name], int | None)
             else pa.float64(),
         )
         for name in COLUMNS

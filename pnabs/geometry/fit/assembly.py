@@ -1,0 +1,245 @@
+"""Positive and negative boxes on the grid, and what each of them adds to the whole."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pnabs.geometry.fit.bits import SIDE, Bits, count, nothing
+from pnabs.geometry.fit.box import is_aligned, paint
+from pnabs.geometry.fit.search import search, worth
+from pnabs.geometry.types import Float64
+
+PLANE = (SIDE - 1) / 2
+"""x of the mirror plane, between two layers of cells."""
+
+_TOUCHING = 2.0
+"""Boxes whose bounds are nearer than so many cells matter to each other's search."""
+
+
+class Box(NamedTuple):
+    """A box in cells.
+
+    Attributes
+    ----------
+    centre, axes, half : (3,), (3, 3), (3,) float64
+    sign : int
+        1 adds, -1 takes away.
+    centred : bool
+        Its own mirror image.
+    """
+
+    centre: Float64
+    axes: Float64
+    half: Float64
+    sign: int = 1
+    centred: bool = False
+
+    def bounds(self) -> Float64:
+        """Least and largest coordinates, (2, 3)."""
+        extent = np.abs(self.axes) @ self.half
+        return np.array([self.centre - extent, self.centre + extent])
+
+    def mirrored(self) -> Box:
+        """Its image in the plane x = `PLANE`."""
+        flip = np.array([-1.0, 1.0, 1.0])
+        centre = np.array([2 * PLANE - self.centre[0], *self.centre[1:]])
+        return self._replace(centre=centre, axes=flip[:, None] * self.axes * flip)
+
+    def painted(self) -> Bits:
+        """Its cells."""
+        bits = nothing()
+        paint(self.centre, self.axes, self.half, bits)
+        return bits
+
+
+class Target(NamedTuple):
+    """The shape's cells, or the two halves of a mirrored shape's, laid on one another.
+
+    Attributes
+    ----------
+    near, far : (64, 64) uint64
+        The half x > `PLANE`, and the other half's mirror image.  Without a mirror both are
+        the whole shape, so that each cell counts twice in either case.
+    low : int
+        First x that counts: 32 with a mirror, else 0.
+    """
+
+    near: Bits
+    far: Bits
+    low: int
+
+    @classmethod
+    def whole(cls, bits: Bits) -> Target:
+        """A shape as it is."""
+        return cls(bits, bits, 0)
+
+    @classmethod
+    def folded(cls, bits: Bits) -> Target:
+        """A shape folded at the plane."""
+        near, far = nothing(), nothing()
+        near[SIDE // 2 :] = bits[SIDE // 2 :]
+        far[SIDE // 2 :] = bits[: SIDE // 2][::-1]
+        return cls(near, far, SIDE // 2)
+
+    @property
+    def total(self) -> int:
+        """Cells of the shape, each counted twice if there is no mirror."""
+        return count(self.near) + count(self.far)
+
+
+class Assembly:
+    """Boxes that approximate a target: the positives' cells less the negatives'.
+
+    Parameters
+    ----------
+    target : Target
+        With a mirror, a box that isn't centred stands for itself and its image.
+    boxes : list of Box
+    """
+
+    def __init__(self, target: Target, boxes: list[Box]) -> None:
+        self.target = target
+        self.total = target.total
+        self.boxes = list(boxes)
+        self._painted = [self._paint(box) for box in boxes]
+        self._settled = [np.inf] * len(boxes)
+
+    def copy(self) -> Assembly:
+        """One that can be changed by itself."""
+        twin = Assembly.__new__(Assembly)
+        twin.target, twin.total = self.target, self.total
+        twin.boxes, twin._painted = list(self.boxes), list(self._painted)
+        twin._settled = list(self._settled)
+        return twin
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def cost(self, box: Box) -> int:
+        """How many boxes it stands for."""
+        return 2 if self.target.low and not box.centred else 1
+
+    @property
+    def size(self) -> int:
+        """How many boxes all of them stand for."""
+        return sum(self.cost(box) for box in self.boxes)
+
+    def add(self, box: Box) -> None:
+        """Add a box."""
+        self.boxes.append(box)
+        self._painted.append(self._paint(box))
+        self._settled.append(np.inf)
+        self._unsettle(box)
+
+    def remove(self, index: int) -> None:
+        """Take a box away."""
+        box = self.boxes.pop(index)
+        self._painted.pop(index)
+        self._settled.pop(index)
+        self._unsettle(box)
+
+    def covered(self, but: int = -1) -> tuple[Bits, Bits]:
+        """Cells of the positives and of the negatives, one box left out."""
+        cells = {1: nothing(), -1: nothing()}
+        for index, (box, painted) in enumerate(zip(self.boxes, self._painted, strict=True)):
+            if index != but:
+                np.bitwise_or(cells[box.sign], painted, out=cells[box.sign])
+        return cells[1], cells[-1]
+
+    def occupied(self) -> Bits:
+        """Cells of the whole: in a positive and in no negative."""
+        added, removed = self.covered()
+        return added & ~removed
+
+    def iou(self) -> float:
+        """Intersection over union with the target, exactly."""
+        cells = self.occupied()
+        hits = count(cells & self.target.near) + count(cells & self.target.far)
+        union = self.total + 2 * count(cells) - hits
+        return hits / union if union else 0.0
+
+    def field(self, sign: int, but: int = -1) -> tuple[Bits, Bits, Bits]:
+        """The target's two sets and all cells, where a box of that sign decides alone."""
+        added, removed = self.covered(but)
+        free = ~(added | removed) if sign > 0 else added & ~removed
+        return self.target.near & free, self.target.far & free, free
+
+    def gain(self, index: int, rate: float) -> float:
+        """What a box adds to the whole: its `worth` beside all others."""
+        box = self.boxes[index]
+        near, far, free = self.field(box.sign, index)
+        low = self.target.low
+        folded = low > 0 and not box.centred
+        return float(worth(*box[:3], near, far, free, low, rate, box.sign, folded))
+
+    def refine(self, rate: float, step: float, least: float, fee: float) -> None:
+        """Improve each box in turn that isn't at its best beside the others already.
+
+        Parameters
+        ----------
+        rate, step, least : float
+            See `pnabs.geometry.fit.search`.
+        fee : float
+            What turning away from the grid's axes must earn, in doubled cells.
+        """
+        for index in range(len(self.boxes)):
+            if self._settled[index] > least:
+                self._improve(index, rate, step, least, fee)
+                self._settled[index] = least
+
+    def _improve(self, index: int, rate: float, step: float, least: float, fee: float) -> None:
+        old = self.boxes[index]
+        field = self.field(old.sign, index)
+        new = old
+        if is_aligned(old.axes):
+            new, straight = self.searched(old, field, rate, step, least, turns=0)
+            turned, value = self.searched(new, field, rate, step, least)
+            if value > straight + fee:
+                new = turned
+        else:
+            new, _ = self.searched(old, field, rate, step, least)
+        self.replace(index, new)
+
+    def replace(self, index: int, box: Box) -> None:
+        """Put a box in another's place."""
+        old = self.boxes[index]
+        if all(np.array_equal(a, b) for a, b in zip(box[:3], old[:3], strict=True)):
+            return
+        self.boxes[index] = box
+        self._painted[index] = self._paint(box)
+        self._unsettle(old)
+        self._unsettle(box)
+
+    def searched(
+        self,
+        box: Box,
+        field: tuple[Bits, Bits, Bits],
+        rate: float,
+        step: float,
+        least: float,
+        *,
+        turns: int = 3,
+    ) -> tuple[Box, float]:
+        """What pattern search makes of a box, and its worth."""
+        new = box._replace(centre=box.centre.copy(), axes=box.axes.copy(), half=box.half.copy())
+        turns = min(turns, 1) if box.centred else turns
+        value = search(
+            *new[:3], *field, self.target.low, rate, box.sign, step, least, turns, box.centred
+        )
+        return new, float(value)
+
+    def _paint(self, box: Box) -> Bits:
+        bits = box.painted()
+        if self.target.low:
+            bits |= bits[::-1].copy()
+            bits[: self.target.low] = 0
+        return bits
+
+    def _unsettle(self, changed: Box) -> None:
+        low, high = changed.bounds()
+        for index, box in enumerate(self.boxes):
+            least, largest = box.bounds()
+            if np.all(least < high + _TOUCHING) and np.all(largest > low - _TOUCHING):
+                self._settled[index] = np.inf

@@ -1,0 +1,182 @@
+"""Building: add boxes where they earn most, improve all, take the least away, and again.
+
+Greedy on the exact number of cells set right and wrong, so no step is in vain and nothing
+depends on a temperature.  A box has a price; what earns less goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pnabs.geometry.fit.assembly import Assembly, Box, Target
+from pnabs.geometry.fit.seeds import proposal
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How hard to try.
+
+    Attributes
+    ----------
+    extra : int
+        Boxes beyond the budget that are added before the least are taken away.
+    tries : int
+        Seeds for each addition.
+    rounds : int
+        Times that the least boxes are exchanged for others.
+    """
+
+    extra: int = 4
+    tries: int = 2
+    rounds: int = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What is asked for.
+
+    Attributes
+    ----------
+    budget : int
+        Boxes at most, negatives included.
+    price : float
+        IoU that a box must add.
+    negatives : bool
+    """
+
+    budget: int
+    price: float
+    negatives: bool = True
+
+    @property
+    def tilt(self) -> float:
+        """IoU that turning a box away from the grid's axes must add."""
+        return self.price / 4
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What to begin with.
+
+    Attributes
+    ----------
+    boxes : list of Box
+    rate : float
+        The first rate (`pnabs.geometry.fit.search.worth`).  With 1, a box stays in the shape,
+        and the shape is put together of positives; with less, it may reach beyond, and negatives
+        carve the shape out of it.
+    """
+
+    boxes: list[Box]
+    rate: float
+
+
+def build(
+    target: Target,
+    starts: Sequence[Start],
+    terms: Terms,
+    effort: Effort,
+    rng: np.random.Generator,
+) -> Assembly:
+    """Boxes for a target.
+
+    Parameters
+    ----------
+    target : Target
+    starts : sequence of Start
+        What comes of the best is gone on with.
+    terms : Terms
+    effort : Effort
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Assembly
+    """
+    begun = [_begun(target, start, terms, effort, rng) for start in starts]
+    best = max(begun, key=lambda assembly: merit(assembly, terms))
+    return _exchanged(best, terms, effort, rng)
+
+
+def _begun(
+    target: Target, start: Start, terms: Terms, effort: Effort, rng: np.random.Generator
+) -> Assembly:
+    """More boxes than there may be, improved together, and the least taken away."""
+    assembly, rate = Assembly(target, start.boxes), start.rate
+    tilt = terms.tilt * assembly.total
+    assembly.refine(rate, 4.0, 0.5, tilt)
+    prune(assembly, terms, rate, terms.budget)
+    grow(assembly, terms, effort, rate, terms.budget + effort.extra, rng)
+    for _ in range(2):
+        assembly.refine(rate, 2.0, 0.5, tilt)
+        rate = assembly.iou()
+    while assembly.size > terms.budget:
+        prune(assembly, terms, rate, max(terms.budget, assembly.size - 4))
+        assembly.refine(rate, 2.0, 0.5, tilt)
+    prune(assembly, terms, rate, terms.budget)
+    for _ in range(2):
+        assembly.refine(rate, 1.0, 0.25, tilt)
+        rate = assembly.iou()
+    return assembly
+
+
+def _exchanged(
+    assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator
+) -> Assembly:
+    """Some of the least boxes exchanged for others, again and again, where that is better."""
+    tilt = terms.tilt * assembly.total
+    for attempt in range(effort.rounds):
+        rate = assembly.iou()
+        trial = assembly.copy()
+        prune(trial, terms, rate, max(0, trial.size - 1 - attempt % 3))
+        grow(trial, terms, effort, rate, terms.budget, rng)
+        trial.refine(rate, 2.0, 0.5, tilt)
+        trial.refine(rate, 1.0, 0.5, tilt)
+        prune(trial, terms, rate, terms.budget)
+        if merit(trial, terms) > merit(assembly, terms):
+            assembly = trial
+    assembly.refine(assembly.iou(), 1.0, 0.25, tilt)
+    return assembly
+
+
+def merit(assembly: Assembly, terms: Terms) -> float:
+    """IoU less the price of the boxes."""
+    return assembly.iou() - terms.price * assembly.size
+
+
+def grow(
+    assembly: Assembly,
+    terms: Terms,
+    effort: Effort,
+    rate: float,
+    size: int,
+    rng: np.random.Generator,
+) -> None:
+    """Add the box that earns most, until there are `size` or none earns half its price."""
+    fee, tilt = terms.price * assembly.total / 2, terms.tilt * assembly.total
+    while (room := size - assembly.size) > 0:
+        signs = (1, -1) if terms.negatives and len(assembly) else (1,)
+        found = [
+            proposal(assembly, sign, rate, fee, tilt, room, effort.tries, rng) for sign in signs
+        ]
+        best = max((one for one in found if one), key=lambda one: one[1], default=None)
+        if best is None:
+            return
+        assembly.add(best[0])
+
+
+def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
+    """Take away the box that earns least, while there are too many or it isn't worth its price."""
+    fee = terms.price * assembly.total
+    while len(assembly):
+        gains = [
+            assembly.gain(index, rate) / assembly.cost(box)
+            for index, box in enumerate(assembly.boxes)
+        ]
+        least = int(np.argmin(gains))
+        if assembly.size <= size and gains[least] >= fee:
+            return
+        assembly.remove(least)

@@ -1,0 +1,253 @@
+"""The fit of one shape: from its solid to boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pnabs.geometry import cuboid
+from pnabs.geometry.fit import tidy
+from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
+from pnabs.geometry.fit.bits import SIDE, Bits, count, pack, unpack
+from pnabs.geometry.fit.box import is_aligned
+from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow
+from pnabs.geometry.fit.levels import Unit, levels
+from pnabs.geometry.kernel import compiling
+from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
+
+CELL = GRID_SIDE / SIDE
+"""Side of a cell in the normalised frame."""
+
+OVERLAP = 1e-3
+"""By how much boxes that touch overlap, normalised frame."""
+
+MIRROR_IOU = 0.9
+"""A shape that agrees with its mirror image less than this is fitted without a mirror."""
+
+PUT_TOGETHER, CARVED = 1.0, 0.4
+"""First rates of the starts; carving begins with the bounding box if that is worth it."""
+
+_NEGLIGIBLE = 5e-4
+"""IoU that a tidy side may cost."""
+
+
+_NOTHING = (Cuboids.empty(), Cuboids.empty())
+_EFFORT = Effort()
+
+
+@dataclass(frozen=True, slots=True)
+class FittedLevel:
+    """A coarser level.
+
+    Attributes
+    ----------
+    positives, negatives : Cuboids
+    origins : list of list of int
+        For each box, positives before negatives, the finest boxes that it stands for.
+    """
+
+    positives: Cuboids
+    negatives: Cuboids
+    origins: list[list[int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Boxes that approximate a shape, normalised frame.
+
+    Attributes
+    ----------
+    positives, negatives : Cuboids
+    pairs : int
+        Boxes that have an exact mirror image among them, each pair counted once.
+    centred : int
+        Boxes that are their own mirror image.
+    aligned : int
+        Boxes along the grid's axes.
+    coarser : dict of size to FittedLevel
+        Levels of at most that many boxes.
+    """
+
+    positives: Cuboids
+    negatives: Cuboids
+    pairs: int
+    centred: int
+    aligned: int
+    coarser: dict[int, FittedLevel]
+
+
+def fit(
+    occupancy: Bool,
+    surface: Float32,
+    mirror: int,
+    terms: Terms,
+    rng: np.random.Generator,
+    *,
+    start: tuple[Cuboids, Cuboids] | None = None,
+    scattered: bool = True,
+    sizes: Sequence[int] = (),
+    effort: Effort = _EFFORT,
+) -> Fitted:
+    """Cover a shape with positives and negatives, few and in agreement with its solid.
+
+    Parameters
+    ----------
+    occupancy : (64, 64, 64) bool
+        The solid.
+    surface : (P, 6) float32
+        Samples of its surface with normals, normalised frame.
+    mirror : int
+        Axis across which the shape mirrors, or -1.
+    terms : Terms
+    rng : numpy.random.Generator
+    start : (positives, negatives), optional
+        Boxes to begin with.
+    scattered : bool
+        Begin with none as well, and go on with what is better.  Always so without a start.
+    sizes : sequence of int
+        Numbers of boxes of coarser levels.
+    effort : Effort
+
+    Returns
+    -------
+    Fitted
+        Without positives if no box is worth its price.
+    """
+    order = [(max(mirror, 0) + k) % 3 for k in range(3)]
+    bits = pack(occupancy.transpose(order))
+    points = (surface[:, :3].astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
+    normals = surface[:, 3:].astype(np.float64)[:, order]
+    given = _to_boxes(start, order) if start else []
+    whole = Target.whole(bits)
+
+    if mirror >= 0 and _mirror_iou(bits) >= MIRROR_IOU:
+        half = build(
+            Target.folded(bits),
+            _starts(bits, _paired(given), scattered=scattered, centred=True),
+            terms,
+            effort,
+            rng,
+        )
+        _tidy(half, terms, *tidy.folded(points, normals))
+        groups = [[box] if box.centred else [box, box.mirrored()] for box in half.boxes]
+        assembly = Assembly(whole, [box for group in groups for box in group])
+        _complete(assembly, terms, effort, rng)
+        groups += [[box] for box in assembly.boxes[sum(map(len, groups)) :]]
+    else:
+        assembly = build(
+            whole, _starts(bits, given, scattered=scattered, centred=False), terms, effort, rng
+        )
+        _tidy(assembly, terms, points, normals)
+        groups = [[box] for box in assembly.boxes]
+    groups.sort(key=lambda group: -group[0].sign)
+
+    first = np.cumsum([0, *map(len, groups)])
+    units = [
+        Unit(group, [[int(at) + k] for k in range(len(group))])
+        for at, group in zip(first, groups, strict=False)
+    ]
+    boxes = [box for group in groups for box in group]
+    return Fitted(
+        *_to_cuboids(boxes, order),
+        pairs=sum(len(group) == 2 for group in groups),
+        centred=sum(box.centred for box in boxes),
+        aligned=sum(bool(is_aligned(box.axes)) for box in boxes),
+        coarser={
+            size: FittedLevel(*_to_cuboids(level.boxes, order), level.origins)
+            for size, level in levels(whole, units, sizes).items()
+        },
+    )
+
+
+def _mirror_iou(bits: Bits) -> float:
+    image = bits[::-1]
+    return count(bits & image) / max(count(bits | image), 1)
+
+
+def _tidy(assembly: Assembly, terms: Terms, points: Float64, normals: Float64) -> None:
+    rate, fee = assembly.iou(), _NEGLIGIBLE * assembly.total
+    tidy.straighten(assembly, rate, terms.tilt * assembly.total)
+    tidy.settle(assembly, points, normals, rate, fee)
+    tidy.join(assembly, rate, fee, OVERLAP / CELL)
+    tidy.open_out(assembly, rate)
+
+
+def _complete(assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator) -> None:
+    """Add boxes for what isn't symmetric."""
+    before, rate = len(assembly), assembly.iou()
+    grow(assembly, terms, effort, rate, terms.budget, rng)
+    for index in reversed(range(before, len(assembly))):
+        if assembly.gain(index, rate) < terms.price * assembly.total:
+            assembly.remove(index)
+
+
+def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> list[Start]:
+    starts = [Start(given, PUT_TOGETHER)] if given else []
+    if scattered or not given:
+        cells = np.argwhere(unpack(bits))
+        low, high = (cells.min(axis=0), cells.max(axis=0)) if len(cells) else np.zeros((2, 3))
+        middle = (low + high) / 2
+        if centred:
+            middle[0] = PLANE
+        half = np.maximum(high - middle, middle - low) + 0.5
+        starts.append(Start([], PUT_TOGETHER))
+        empty = (2 * half).prod() - len(cells)
+        if len(cells) > CARVED * empty:
+            block = Box(middle, np.eye(3), half, centred=centred)
+            starts.append(Start([block], CARVED))
+    return starts
+
+
+def _to_boxes(start: tuple[Cuboids, Cuboids], order: list[int]) -> list[Box]:
+    boxes = []
+    for sign, cuboids in zip((1, -1), start, strict=True):
+        axes = cuboid.rotation_matrices(cuboids)[:, order][:, :, order]
+        half = np.maximum(cuboids.scale.astype(np.float64)[:, order] / 2 / CELL, 0.5)
+        centre = (cuboids.translation.astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
+        boxes += [Box(*parts, sign) for parts in zip(centre, axes, half, strict=True)]
+    return boxes
+
+
+def _paired(boxes: list[Box]) -> list[Box]:
+    """Boxes for a folded shape: those about the plane centred, others on its upper side."""
+    found = []
+    for box in boxes:
+        low, high = box.bounds()[:, 0] - PLANE
+        if box.centre[0] < PLANE:
+            box, low, high = box.mirrored(), -high, -low
+        if -low > high / 2:
+            straight = tidy.along(box, 0)
+            centre = np.array([PLANE, *box.centre[1:]])
+            half = np.array([high, *straight.half[1:]])
+            box = straight._replace(centre=centre, half=half, centred=True)
+        found.append(box)
+    return found
+
+
+def _to_cuboids(boxes: list[Box], order: list[int]) -> tuple[Cuboids, Cuboids]:
+    """Positives and negatives."""
+    if not boxes:
+        return _NOTHING
+    back = np.argsort(order)
+    scale = np.array([2 * box.half for box in boxes])[:, back] * CELL
+    # own axes are put in another order too, so that a box along the grid's has no rotation
+    axes = np.array([box.axes for box in boxes])[:, back][:, :, back]
+    centre = (np.array([box.centre for box in boxes])[:, back] + 0.5) * CELL - GRID_SIDE / 2
+    rotation = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+    cuboids = Cuboids.from_vector(np.concatenate([scale, rotation, centre], axis=1))
+    sign = np.array([box.sign for box in boxes])
+    return cuboids[sign > 0], cuboids[sign < 0]
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, every kernel that `fit` runs.
+
+    Call it once before processes are forked, so that each doesn't compile for itself.
+    """
+    x, y, z = np.indices((SIDE, SIDE, SIDE))
+    wedge = (abs(x - PLANE) < 12) & (y >= 20) & (z >= 20) & (y + z < 60)
+    with compiling():
+        fit(wedge, np.zeros((1, 6), np.float32), 0, Terms(2, 0.01), np.random.default_rng(0))

@@ -1,0 +1,112 @@
+"""Where another box would help: boxes grown from cells that are wrong so far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pnabs.geometry.fit.assembly import PLANE, Assembly, Box
+from pnabs.geometry.fit.bits import Bits, cell_at, cells_near, count, eroded
+from pnabs.geometry.fit.box import is_aligned
+from pnabs.geometry.types import Float64, Int64
+
+_STEP = 4.0
+"""First step of the growth, in cells."""
+_LEAST = 0.5
+_FEW = 4
+"""With fewer cells around a seed there is no direction to take."""
+
+
+def proposal(
+    assembly: Assembly,
+    sign: int,
+    rate: float,
+    fee: float,
+    turning_fee: float,
+    room: int,
+    tries: int,
+    rng: np.random.Generator,
+) -> tuple[Box, float] | None:
+    """The best of some boxes that could be added, with its worth less its fee.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    sign : int
+        1 for a positive where the shape is missing, -1 for a negative where there is too much.
+    rate : float
+        See `pnabs.geometry.fit.search.worth`.
+    fee, turning_fee : float
+        What a box must earn, and what more if it isn't along the grid, in doubled cells.
+    room : int
+        How many boxes it may stand for.
+    tries : int
+        Seeds; the first lies where the wrong cells are thickest.
+    rng : numpy.random.Generator
+        Draws the other seeds.
+
+    Returns
+    -------
+    (Box, float) or None
+        None if no box is worth its fee.
+    """
+    target = assembly.target
+    occupied = assembly.occupied()
+    if sign > 0:
+        wrong = (target.near | target.far) & ~occupied
+    else:
+        wrong = occupied & ~(target.near & target.far)
+    if not count(wrong):
+        return None
+    field = assembly.field(sign)
+    best: tuple[Box, float] | None = None
+    for cell, depth in _seeds(wrong, target.low, tries, rng):
+        for start in _starts(wrong, cell, depth, sign, mirrored=target.low > 0):
+            if assembly.cost(start) > room:
+                continue
+            straight = is_aligned(start.axes)
+            box, value = assembly.searched(
+                start, field, rate, _STEP, _LEAST, turns=0 if straight else 3
+            )
+            value -= fee * assembly.cost(box) + (0 if straight else turning_fee)
+            if value > (best[1] if best else 0.0):
+                best = box, value
+    return best
+
+
+def _seeds(
+    wrong: Bits, low: int, tries: int, rng: np.random.Generator
+) -> Iterator[tuple[Int64, int]]:
+    """Cells to start from, and how deep each lies among the wrong cells at least."""
+    layers = [wrong]
+    while count(inner := eroded(layers[-1], low)):
+        layers.append(inner)
+    deepest = len(layers) - 1
+    for attempt in range(tries):
+        depth = deepest if attempt % 2 == 0 else max(deepest - 1, 0) if attempt % 4 == 1 else 0
+        number = count(layers[depth])
+        rank = number // 2 if attempt == 0 else int(rng.integers(number))
+        yield cell_at(layers[depth], rank), depth
+
+
+def _starts(wrong: Bits, cell: Int64, depth: int, sign: int, *, mirrored: bool) -> Iterator[Box]:
+    """Boxes to grow at a cell: along the grid, and along what lies around it."""
+    centre = cell.astype(np.float64)
+    half = np.full(3, depth + 0.5)
+    yield Box(centre, np.eye(3), half, sign)
+    offsets = cells_near(wrong, cell, 5 + 2 * depth)
+    if mirrored:
+        middle = np.array([PLANE, centre[1], centre[2]])
+        wide = np.array([centre[0] - PLANE + half[0], half[1], half[2]])
+        yield Box(middle, np.eye(3), wide, sign, centred=True)
+    if len(offsets) >= _FEW:
+        yield Box(centre + offsets.mean(axis=0), *_principal(offsets), sign)
+
+
+def _principal(offsets: Float64) -> tuple[Float64, Float64]:
+    """Principal axes of some points, as a rotation, and half-sides of about their extent."""
+    spread, axes = np.linalg.eigh(np.cov(offsets.T, bias=True))
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    return axes, np.maximum(1.2 * np.sqrt(np.maximum(spread, 0)), 0.5)

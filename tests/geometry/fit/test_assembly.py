@@ -1,0 +1,131 @@
+"""What boxes are worth, alone and together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pnabs.geometry.fit import bits
+from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
+from pnabs.geometry.fit.search import LEAST_HALF, worth
+from pnabs.geometry.metrics import iou
+from pnabs.geometry.types import Bool
+from tests.geometry.fit.test_box import contained, random_box
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def blob(seed: int) -> Bool:
+    """A shape that no box is."""
+    grid = np.zeros((64, 64, 64), dtype=bool)
+    for k in range(3):
+        grid |= contained(random_box(seed + k))
+    return grid
+
+
+def boxes(seed: int, positives: int = 3, negatives: int = 2) -> list[Box]:
+    signs = [1] * positives + [-1] * negatives
+    return [random_box(seed + 10 + k)._replace(sign=sign) for k, sign in enumerate(signs)]
+
+
+def solid(boxes: list[Box]) -> Bool:
+    added = np.zeros((64, 64, 64), dtype=bool)
+    removed = added.copy()
+    for box in boxes:
+        if box.sign > 0:
+            added |= contained(box)
+        else:
+            removed |= contained(box)
+    return added & ~removed
+
+
+@given(SEEDS)
+@settings(deadline=None, max_examples=15)
+def test_iou_is_that_of_the_cells(seed: int) -> None:
+    shape, found = blob(seed), boxes(seed)
+    assembly = Assembly(Target.whole(bits.pack(shape)), found)
+    assert assembly.iou() == pytest.approx(iou(solid(found), shape), abs=1e-12)
+
+
+@given(SEEDS)
+@settings(deadline=None, max_examples=15)
+def test_a_folded_assembly_is_worth_what_the_whole_with_all_images_is(seed: int) -> None:
+    shape, found = blob(seed), boxes(seed)
+    folded = Assembly(Target.folded(bits.pack(shape)), found)
+    images = [image for box in found for image in (box, box.mirrored())]
+    assert folded.iou() == pytest.approx(iou(solid(images), shape), abs=1e-12)
+    assert folded.size == len(images)
+
+
+@given(SEEDS, st.floats(0.3, 1), st.integers(0, 4))
+@settings(deadline=None, max_examples=15)
+def test_a_gain_is_what_the_whole_loses_without_the_box(seed: int, rate: float, index: int) -> None:
+    shape, found = blob(seed), boxes(seed)
+    assembly = Assembly(Target.whole(bits.pack(shape)), found)
+
+    def score(boxes: list[Box]) -> float:
+        cells = solid(boxes)
+        return float(2 * (np.sum(cells & shape) - rate * np.sum(cells & ~shape)))
+
+    gain = score(found) - score(found[:index] + found[index + 1 :])
+    assert assembly.gain(index, rate) == pytest.approx(gain)
+
+
+@given(SEEDS, st.booleans())
+@settings(deadline=None, max_examples=10)
+def test_search_never_makes_a_box_worse_and_says_what_it_is_worth(
+    seed: int, negative: bool
+) -> None:
+    shape, found = blob(seed), boxes(seed)
+    assembly = Assembly(Target.whole(bits.pack(shape)), found)
+    sign = -1 if negative else 1
+    field = assembly.field(sign)
+    start = random_box(seed + 50)._replace(sign=sign)
+    better, value = assembly.searched(start, field, 0.8, 2.0, 0.5)
+
+    def worth_of(box: Box) -> float:
+        return float(worth(*box[:3], *field, 0, 0.8, sign, False))
+
+    assert value == pytest.approx(worth_of(better))
+    assert value >= worth_of(start)
+    assert better.half.min() >= LEAST_HALF
+    np.testing.assert_allclose(better.axes.T @ better.axes, np.eye(3), atol=1e-9)
+
+
+def test_search_finds_a_box_from_a_cell_within() -> None:
+    true = Box(np.array([30.0, 20.0, 40.0]), np.eye(3), np.array([12.5, 7.5, 3.5]))
+    target = Target.whole(true.painted())
+    assembly = Assembly(target, [])
+    seed = Box(np.array([35.0, 16.0, 41.0]), np.eye(3), np.full(3, 0.5))
+    found, value = assembly.searched(seed, assembly.field(1), 1.0, 4.0, 0.5)
+    np.testing.assert_array_equal(found.painted(), true.painted())
+    assert value == target.total
+
+
+def test_a_centred_box_stays_its_own_mirror_image() -> None:
+    shape = blob(5)
+    target = Target.folded(bits.pack(shape | shape[::-1]))
+    assembly = Assembly(target, [])
+    start = Box(np.array([PLANE, 30.0, 30.0]), np.eye(3), np.array([3.0, 2.0, 2.0]), centred=True)
+    found, _ = assembly.searched(start, assembly.field(1), 0.8, 4.0, 0.25)
+    assert not np.array_equal(found.half, start.half)
+    assert found.centre[0] == PLANE
+    np.testing.assert_array_equal(found.painted(), found.mirrored().painted())
+
+
+def test_changes_are_seen_and_a_copy_has_its_own() -> None:
+    shape, found = blob(1), boxes(1)
+    target = Target.whole(bits.pack(shape))
+    assembly = Assembly(target, found)
+    twin = assembly.copy()
+    twin.remove(0)
+    twin.add(found[0])
+    twin.replace(1, found[2])
+    assert twin.iou() == pytest.approx(Assembly(target, twin.boxes).iou())
+    assert assembly.iou() == pytest.approx(Assembly(target, found).iou())
+    before = assembly.iou()
+    assembly.refine(0.8, 2.0, 0.5, 0.0)
+    assert assembly.iou() == pytest.approx(Assembly(target, assembly.boxes).iou())
+    assert assembly.iou() > before

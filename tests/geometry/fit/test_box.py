@@ -1,0 +1,74 @@
+"""Boxes on the grid against points in cuboids."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from pnabs.geometry.fit import bits
+from pnabs.geometry.fit.assembly import PLANE, Box
+from pnabs.geometry.fit.box import is_aligned, tally
+from pnabs.geometry.types import Bool
+
+SEEDS = st.integers(0, 2**32 - 1)
+POINTS = np.stack(np.meshgrid(*[np.arange(64.0)] * 3, indexing="ij"), axis=-1)
+
+
+def random_box(seed: int, *, aligned: bool = False, low: float = 0.0) -> Box:
+    """Some of it may lie outside the grid."""
+    rng = np.random.default_rng(seed)
+    axes = (
+        np.eye(3)[rng.permutation(3)] if aligned else Rotation.random(random_state=rng).as_matrix()
+    )
+    return Box(rng.uniform(low, 64, 3), axes, rng.uniform(0.5, 20, 3))
+
+
+def contained(box: Box) -> Bool:
+    """Cell centres in the box, by its definition."""
+    inside: Bool = np.all(np.abs((POINTS - box.centre) @ box.axes) <= box.half + 1e-9, axis=-1)
+    return inside
+
+
+@given(SEEDS, st.booleans())
+@settings(deadline=None, max_examples=40)
+def test_painted_cells_are_those_whose_centres_it_holds(seed: int, aligned: bool) -> None:
+    box = random_box(seed, aligned=aligned)
+    np.testing.assert_array_equal(bits.unpack(box.painted()), contained(box))
+
+
+@given(SEEDS, st.booleans(), st.booleans())
+@settings(deadline=None, max_examples=40)
+def test_tally_counts_the_cells_of_the_box_and_its_image_once(
+    seed: int, aligned: bool, folded: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    free = rng.random((64, 64, 64)) < 0.7
+    near, far = (free & (rng.random((64, 64, 64)) < 0.5) for _ in range(2))
+    box, low = random_box(seed, aligned=aligned), 32 if folded else 0
+    inside = contained(box)
+    if folded:
+        inside = inside | inside[::-1]
+    inside[:low] = False
+    grids = bits.pack(near), bits.pack(far), bits.pack(free)
+    hits, cells = tally(box.centre, box.axes, box.half, *grids, low, folded)
+    assert hits == np.count_nonzero(near & inside) + np.count_nonzero(far & inside)
+    assert cells == 2 * np.count_nonzero(free & inside)
+
+
+@given(SEEDS)
+@settings(deadline=None, max_examples=20)
+def test_a_mirrored_box_has_the_mirrored_cells_and_is_a_rotation(seed: int) -> None:
+    box = random_box(seed)
+    image = box.mirrored()
+    np.testing.assert_array_equal(bits.unpack(image.painted()), contained(box)[::-1])
+    assert np.linalg.det(image.axes) == pytest.approx(1)
+    np.testing.assert_allclose(image.bounds()[:, 0], 2 * PLANE - box.bounds()[::-1, 0])
+
+
+def test_aligned_is_along_the_grid_in_any_order() -> None:
+    assert is_aligned(np.eye(3)[[2, 0, 1]])
+    assert is_aligned(np.diag([-1.0, -1.0, 1.0]))
+    assert not is_aligned(Rotation.from_euler("x", 1e-3).as_matrix())
