@@ -104,6 +104,7 @@ class Assembly:
         self.total = target.total
         self.boxes = list(boxes)
         self._painted = [self._paint(box) for box in boxes]
+        self._bounds = [box.bounds() for box in boxes]
         self._settled = [np.inf] * len(boxes)
 
     def copy(self) -> Assembly:
@@ -111,7 +112,7 @@ class Assembly:
         twin = Assembly.__new__(Assembly)
         twin.target, twin.total = self.target, self.total
         twin.boxes, twin._painted = list(self.boxes), list(self._painted)
-        twin._settled = list(self._settled)
+        twin._bounds, twin._settled = list(self._bounds), list(self._settled)
         return twin
 
     def __len__(self) -> int:
@@ -130,15 +131,16 @@ class Assembly:
         """Add a box."""
         self.boxes.append(box)
         self._painted.append(self._paint(box))
+        self._bounds.append(box.bounds())
         self._settled.append(np.inf)
-        self._unsettle(box)
+        self._unsettle(self._bounds[-1])
 
     def remove(self, index: int) -> None:
         """Take a box away."""
-        box = self.boxes.pop(index)
+        self.boxes.pop(index)
         self._painted.pop(index)
         self._settled.pop(index)
-        self._unsettle(box)
+        self._unsettle(self._bounds.pop(index))
 
     def covered(self, but: int = -1) -> tuple[Bits, Bits]:
         """Cells of the positives and of the negatives, one box left out."""
@@ -207,10 +209,11 @@ class Assembly:
         old = self.boxes[index]
         if all(np.array_equal(a, b) for a, b in zip(box[:3], old[:3], strict=True)):
             return
+        self._unsettle(self._bounds[index])
         self.boxes[index] = box
         self._painted[index] = self._paint(box)
-        self._unsettle(old)
-        self._unsettle(box)
+        self._bounds[index] = box.bounds()
+        self._unsettle(self._bounds[index])
 
     def searched(
         self,
@@ -237,9 +240,11 @@ class Assembly:
             bits[: self.target.low] = 0
         return bits
 
-    def _unsettle(self, changed: Box) -> None:
-        low, high = changed.bounds()
-        for index, box in enumerate(self.boxes):
-            least, largest = box.bounds()
-            if np.all(least < high + _TOUCHING) and np.all(largest > low - _TOUCHING):
-                self._settled[index] = np.inf
+    def _unsettle(self, changed: Float64) -> None:
+        """Boxes about the changed bounds may do better now."""
+        if not self._bounds:
+            return
+        low, high = np.array(self._bounds).transpose(1, 0, 2)
+        near = (low < changed[1] + _TOUCHING) & (high > changed[0] - _TOUCHING)
+        for index in np.flatnonzero(near.all(axis=1)):
+            self._settled[index] = np.inf

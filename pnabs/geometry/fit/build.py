@@ -30,8 +30,8 @@ class Effort:
     """
 
     extra: int = 4
-    tries: int = 2
-    rounds: int = 6
+    tries: int = 3
+    rounds: int = 10
 
 
 @dataclass(frozen=True, slots=True)

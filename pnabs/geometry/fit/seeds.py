@@ -106,7 +106,7 @@ def _starts(wrong: Bits, cell: Int64, depth: int, sign: int, *, mirrored: bool) 
 
 def _principal(offsets: Float64) -> tuple[Float64, Float64]:
     """Principal axes of some points, as a rotation, and half-sides of about their extent."""
-    spread, axes = np.linalg.eigh(np.cov(offsets.T, bias=True))
-    if np.linalg.det(axes) < 0:
-        axes[:, 0] *= -1
+    centred = offsets - offsets.mean(axis=0)
+    spread, axes = np.linalg.eigh(centred.T @ centred / len(offsets))
+    axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
     return axes, np.maximum(1.2 * np.sqrt(np.maximum(spread, 0)), 0.5)
