@@ -223,7 +223,7 @@ def _fitted(
         shape.occupancy_64,
         shape.surface,
         shape.mirror,
-        Terms(options.boxes, options.price, options.negatives),
+        Terms(options.boxes, options.price, negatives=None if options.negatives else 0),
         rng,
         start=None if options.start == "scattered" else (positives, negatives),
         scattered=options.start != "networks",

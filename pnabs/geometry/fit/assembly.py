@@ -127,6 +127,10 @@ class Assembly:
         """How many boxes all of them stand for."""
         return sum(self.cost(box) for box in self.boxes)
 
+    def size_of(self, sign: int) -> int:
+        """How many boxes all of one sign stand for."""
+        return sum(self.cost(box) for box in self.boxes if box.sign == sign)
+
     def add(self, box: Box) -> None:
         """Add a box."""
         self.boxes.append(box)

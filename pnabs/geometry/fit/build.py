@@ -44,17 +44,24 @@ class Terms:
         Boxes at most, negatives included.
     price : float
         IoU that a box must add.
-    negatives : bool
+    positives, negatives : int, optional
+        At most so many of them; as many as the budget allows when left out.
     """
 
     budget: int
     price: float
-    negatives: bool = True
+    positives: int | None = None
+    negatives: int | None = None
 
     @property
     def tilt(self) -> float:
         """IoU that turning a box away from the grid's axes must add."""
         return self.price / 4
+
+    def most(self, sign: int) -> int:
+        """Boxes at most of one sign."""
+        most = self.positives if sign > 0 else self.negatives
+        return self.budget if most is None else min(most, self.budget)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,11 +164,14 @@ def grow(
 ) -> None:
     """Add the box that earns most, until there are `size` or none earns half its price."""
     fee, tilt = terms.price * assembly.total / 2, terms.tilt * assembly.total
-    while (room := size - assembly.size) > 0:
-        signs = (1, -1) if terms.negatives and len(assembly) else (1,)
-        found = [
-            proposal(assembly, sign, rate, fee, tilt, room, effort.tries, rng) for sign in signs
-        ]
+    spare = size - terms.budget
+    while assembly.size < size:
+        found = []
+        for sign in (1, -1):
+            most = terms.most(sign)
+            room = min(size - assembly.size, most + spare - assembly.size_of(sign))
+            if most and room > 0 and (sign > 0 or len(assembly)):
+                found.append(proposal(assembly, sign, rate, fee, tilt, room, effort.tries, rng))
         best = max((one for one in found if one), key=lambda one: one[1], default=None)
         if best is None:
             return
@@ -172,11 +182,15 @@ def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
     """Take away the box that earns least, while there are too many or it isn't worth its price."""
     fee = terms.price * assembly.total
     while len(assembly):
+        spare = max(size - terms.budget, 0)
+        over = [s for s in (1, -1) if assembly.size_of(s) > terms.most(s) + spare]
         gains = [
             assembly.gain(index, rate) / assembly.cost(box)
+            if not over or box.sign in over
+            else np.inf
             for index, box in enumerate(assembly.boxes)
         ]
         least = int(np.argmin(gains))
-        if assembly.size <= size and gains[least] >= fee:
+        if not over and assembly.size <= size and gains[least] >= fee:
             return
         assembly.remove(least)

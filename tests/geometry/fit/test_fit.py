@@ -36,7 +36,7 @@ def fitted(
         shape,
         surface(positives, negatives),
         mirror,
-        Terms(budget, price, allowed),
+        Terms(budget, price, negatives=None if allowed else 0),
         np.random.default_rng(seed),
         sizes=levels,
         start=start,
