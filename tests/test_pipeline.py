@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pnabs.formats import Abstraction
+from pnabs.formats import Abstraction, to_json
 from pnabs.geometry.difference import difference_volume
 from pnabs.geometry.fields import compute_fields
 from pnabs.geometry.types import Cuboids, Mesh
@@ -46,7 +46,7 @@ def table() -> Shape:
 
 
 def finished(
-    shape: Shape, positives: Cuboids, negatives: Cuboids, *, fit: bool = False, **options: Any
+    shape: Shape, positives: Cuboids, negatives: Cuboids, /, *, fit: bool = False, **options: Any
 ) -> Abstraction:
     volume = difference_volume(positives, shape.occupancy, shape.sdf, Difference())
     return finish(
@@ -102,3 +102,50 @@ def test_everything_cropped_away_is_kept_but_marked(table: Shape) -> None:
     assert not result.check["ok"]
     assert result.metrics["iou_64"] == 0
     assert "cd_l1" not in result.metrics
+
+
+def test_the_fit_finds_the_table_whatever_is_predicted(table: Shape) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    result = finished(table, block, Cuboids.empty(), fit=True)
+    metrics = result.metrics
+    assert metrics["iou_64_networks"] < 0.55
+    assert metrics["iou_64"] > 0.99
+    assert metrics["iou_mesh_64"] > 0.99
+    assert metrics["cd_surface"] < 2.5
+    assert metrics["positives"] + metrics["negatives"] <= 3
+    assert metrics["axis_aligned"] == metrics["positives"] + metrics["negatives"]
+    assert metrics["self_mirrored"] + 2 * metrics["mirrored_pairs"] == metrics["axis_aligned"]
+    assert result.check["ok"]
+    again = finished(table, block, Cuboids.empty(), fit=True)
+    assert to_json(again) == to_json(result)
+
+
+def test_without_a_fit_the_networks_have_the_results_figures(table: Shape) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    result = finished(table, block, Cuboids.empty())
+    for resolution in (32, 64):
+        assert result.metrics[f"iou_{resolution}_networks"] == result.metrics[f"iou_{resolution}"]
+    assert "axis_aligned" not in result.metrics
+
+
+@pytest.mark.parametrize("start", ["best", "networks", "scattered"])
+def test_every_start_keeps_the_budget(table: Shape, start: str) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    result = finished(table, block, Cuboids.empty(), fit=True, start=start, boxes=2)
+    assert len(result.positives) + len(result.negatives) == 2
+    # an opening takes one negative, which the networks' block, as it is, doesn't lead to
+    assert result.metrics["iou_64"] > (0.6 if start == "networks" else 0.99)
+    none = finished(table, block, Cuboids.empty(), fit=True, start=start, negatives=False)
+    assert len(none.negatives) == 0
+
+
+def test_levels_are_abstractions_of_their_own(table: Shape) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    result = finished(table, block, Cuboids.empty(), fit=True, levels=(1, 2))
+    assert list(result.levels) == [2, 1]
+    for size, level in result.levels.items():
+        assert 0 < len(level.positives) + len(level.negatives) <= size
+        assert level.check["ok"]
+        assert level.metrics["iou_64"] < result.metrics["iou_64"] + 1e-9
+        assert len(level.origins) == len(level.positives) + len(level.negatives)
+    np.testing.assert_array_equal(result.levels[1].transform, result.transform)

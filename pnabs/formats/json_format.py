@@ -13,7 +13,15 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal, NoReturn
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from pnabs.formats.abstraction import Abstraction, FormatError
 from pnabs.geometry.types import Cuboids, Float32
@@ -137,6 +145,19 @@ class Document(_Strict):
     """What made it."""
     levels: list[Level] = []
     """Coarser levels of detail, if there are any, the finest first."""
+
+    @field_validator("levels")
+    @classmethod
+    def _nested(cls, levels: list[Level], info: ValidationInfo) -> list[Level]:
+        finest = sum(len(info.data.get(name, ())) for name in ("positives", "negatives"))
+        for level in levels:
+            if len(level.origins) != len(level.positives) + len(level.negatives):
+                raise ValueError(f"level {level.boxes}: a cuboid each needs its origins")
+            if any(not 0 <= i < finest for origin in level.origins for i in origin):
+                raise ValueError(f"level {level.boxes}: an origin isn't there")
+        if len({level.boxes for level in levels}) != len(levels):
+            raise ValueError("two levels have the same number of boxes")
+        return levels
 
     @field_validator("transform")
     @classmethod

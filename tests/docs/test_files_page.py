@@ -38,3 +38,15 @@ def test_editing(
         after.positives.translation[1] - before.positives.translation[1], [0, 0.1, 0], atol=1e-7
     )
     assert (tmp_path / "taller.glb").exists()
+
+
+def test_levels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    parts = [trimesh.creation.box(bounds=[[0, 0, 0], [1, 0.2, 1]])]
+    parts += [trimesh.creation.box(bounds=[[x, -1, 0], [x + 0.2, 0.1, 1]]) for x in (0, 0.8)]
+    trimesh.util.concatenate(parts).export("chair.obj")
+    exec(block("abstraction.md", "python", "levels"), {})
+    assert capsys.readouterr().out.startswith("8 ")
+    assert (tmp_path / "far.glb").exists()

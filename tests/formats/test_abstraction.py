@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,20 @@ def test_save_writes_what_the_suffix_names(tmp_path: Path, name: str) -> None:
         if path.is_file()
     }
     assert files == FORMATS[name].write(abstraction, "a")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_levels_have_files_of_their_own_beside(tmp_path: Path, name: str) -> None:
+    coarser, _ = made(random_cuboids(5, 2), Cuboids.empty())
+    finest, _ = made(random_cuboids(0, 3), random_cuboids(1, 2))
+    both = replace(finest, levels={2: replace(coarser, origins=[[0], [1, 2]])})
+    both.save(tmp_path / f"a{FORMATS[name].suffix}")
+    files = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    own = set(FORMATS[name].write(finest, "a"))
+    beside = set() if name == "json" else set(FORMATS[name].write(coarser, "a.level2"))
+    assert files == own | beside
+    read = from_json(to_json(both)).levels[2]
+    assert read.solid.vertices.tobytes() == coarser.solid.vertices.tobytes()
 
 
 def test_a_suffix_in_capitals_names_its_format(tmp_path: Path) -> None:

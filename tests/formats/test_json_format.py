@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,10 @@ def assert_same(a: Abstraction, b: Abstraction) -> None:
     assert a.transform.tobytes() == b.transform.tobytes()
     for name in ("category", "model_id", "crop", "debris", "metrics", "check", "provenance"):
         assert getattr(a, name) == getattr(b, name)
+    assert a.origins == b.origins
+    assert list(a.levels) == list(b.levels)
+    for size, level in a.levels.items():
+        assert_same(level, b.levels[size])
 
 
 @settings(deadline=None, max_examples=80)
@@ -97,6 +102,40 @@ def test_round_trip_is_exact(abstraction: Abstraction) -> None:
     read = from_json(written)
     assert_same(abstraction, read)
     assert to_json(read) == written
+
+
+@settings(deadline=None, max_examples=20)
+@given(abstractions(), abstractions())
+def test_levels_go_along(finest: Abstraction, other: Abstraction) -> None:
+    shared = {name: getattr(finest, name) for name in ("category", "model_id", "transform")}
+    count = len(other.positives) + len(other.negatives)
+    some = len(finest.positives) + len(finest.negatives) > 0
+    level = replace(
+        other, **shared, provenance=finest.provenance, origins=[[0] if some else []] * count
+    )
+    whole = replace(finest, levels={8: level, 4: level})
+    read = from_json(to_json(whole))
+    assert_same(whole, read)
+    assert to_json(read) == to_json(whole)
+
+
+@pytest.mark.parametrize(
+    ("levels", "says"),
+    [
+        ({8: []}, "level 8: a cuboid each needs its origins"),
+        ({8: [[1]]}, "level 8: an origin isn't there"),
+    ],
+)
+def test_levels_that_make_no_sense_are_refused(
+    levels: dict[int, list[list[int]]], says: str
+) -> None:
+    coarser = {size: simple(origins=origins) for size, origins in levels.items()}
+    with pytest.raises(FormatError, match=says):
+        from_json(to_json(simple(levels=coarser)))
+    document = json.loads(to_json(simple(levels={8: simple(origins=[[0]])})))
+    document["levels"] *= 2
+    with pytest.raises(FormatError, match="two levels have the same number"):
+        from_json(json.dumps(document).encode())
 
 
 def test_text_is_readable_and_stable() -> None:

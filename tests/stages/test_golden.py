@@ -9,6 +9,8 @@ import pytest
 
 from pnabs.dataset.samples.collection import make_model
 from pnabs.geometry.fields import compute_fields
+from pnabs.geometry.fit.build import Terms
+from pnabs.geometry.fit.fit import fit
 from pnabs.geometry.load import parse_mesh
 from pnabs.pipeline import model_rng
 from pnabs.settings import Ingest
@@ -46,4 +48,36 @@ def test_ingest(category: str) -> None:
     assert (digest, *(round(value, 4) for value in sums)) == (
         expected,
         *(pytest.approx(value, abs=2e-3) for value in expected_sums),
+    ), "the stage's bytes changed: raise its version, then note these values"
+
+
+ABSTRACT_VERSION = 3
+FIT = {
+    "chair": (0, 0, 0.0),
+    "lamp": (0, 0, 0.0),
+    "ship": (0, 0, 0.0),
+}
+
+
+@pytest.mark.parametrize("category", FIT)
+def test_fit(category: str) -> None:
+    assert VERSIONS["abstract"] == ABSTRACT_VERSION, "new golden values belong to a new version"
+    options = Ingest(surface_points=2000)
+    mesh = parse_mesh(make_model(category, 7, 4).obj.encode(), ".obj", options.limits)
+    fields = compute_fields(
+        mesh, options, "shapenet-v2", model_rng(0, "ingest", category, "golden")
+    )
+    found = fit(
+        fields.occupancy_64,
+        fields.surface,
+        fields.mirror,
+        Terms(20, 0.004),
+        model_rng(0, "abstract", category, "golden"),
+    )
+    values = np.concatenate([found.positives.as_vector(), found.negatives.as_vector()]).ravel()
+    total = round(float(values.astype(np.float64) @ np.linspace(-1, 1, values.size)), 4)
+    expected = FIT[category]
+    assert (len(found.positives), len(found.negatives), total) == (
+        *expected[:2],
+        pytest.approx(expected[2], abs=2e-3),
     ), "the stage's bytes changed: raise its version, then note these values"

@@ -52,6 +52,7 @@ def test_the_papers_preset_is_below_what_the_file_says(tmp_path: Path) -> None:
     settings = load_job(path).settings
     assert settings.network.channels == (4, 8, 16, 32, 64)
     assert settings.training.losses.occupancy == 0
+    assert not settings.abstract.fit
     assert settings.training.schedule == "cosine"
     assert settings.training.batch_size == 32
 

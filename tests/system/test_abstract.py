@@ -175,6 +175,28 @@ def test_formats_asked_for_later_follow_from_what_is_there(
         assert mine == expected
 
 
+def test_levels_and_a_budget(place: Path, tmp_path: Path) -> None:
+    mesh = place / "meshes" / "chair"
+    more = ("--levels", "2,1", "--boxes", "4", "--format", "urdf", "--format", "glb")
+    assert run(place, tmp_path, *more, meshes=mesh).exit_code == 0
+    before = tree(tmp_path)
+    for name in ("one", "two", "three"):
+        made = pnabs.load(tmp_path / name / "abstraction.json")
+        assert len(made.positives) + len(made.negatives) <= 4
+        assert list(made.levels) == [2, 1]
+        for stem in ("abstraction", "abstraction.level2", "abstraction.level1"):
+            assert f"{name}/{stem}.glb" in before
+            assert f"{name}/{stem}.urdf" in before
+    # a file of a level that is lost comes back, from the record
+    for lost in ("abstraction.glb", "abstraction.level1.glb"):
+        (tmp_path / "one" / lost).unlink()
+    assert run(place, tmp_path, *more, meshes=mesh).exit_code == 0
+    assert tree(tmp_path) == before
+    # without levels nothing of them stays
+    assert run(place, tmp_path, "--boxes", "4", meshes=mesh).exit_code == 0
+    assert not [name for name in tree(tmp_path) if ".level" in name]
+
+
 def test_only_what_changed_is_done_again(place: Path, finished: Path, tmp_path: Path) -> None:
     out, meshes = tmp_path / "out", tmp_path / "meshes"
     shutil.copytree(finished, out)

@@ -139,6 +139,7 @@ def _exchanged(
         rate = assembly.iou()
         trial = assembly.copy()
         prune(trial, terms, rate, max(0, trial.size - 1 - attempt % 3))
+        trial.refine(rate, 2.0, 0.5, tilt)
         grow(trial, terms, effort, rate, terms.budget, rng)
         trial.refine(rate, 2.0, 0.5, tilt)
         trial.refine(rate, 1.0, 0.5, tilt)

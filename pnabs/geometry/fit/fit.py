@@ -27,8 +27,8 @@ OVERLAP = 1e-3
 MIRROR_IOU = 0.9
 """A shape that agrees with its mirror image less than this is fitted without a mirror."""
 
-PUT_TOGETHER, CARVED = 1.0, 0.4
-"""First rates of the starts; carving begins with the bounding box if that is worth it."""
+_EMPTIEST = 0.1
+"""Negatives carve shapes that fill at least this much of their bounding box."""
 
 _NEGLIGIBLE = 5e-4
 """IoU that a tidy side may cost."""
@@ -185,19 +185,21 @@ def _complete(assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.G
 
 
 def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> list[Start]:
-    starts = [Start(given, PUT_TOGETHER)] if given else []
-    if scattered or not given:
-        cells = np.argwhere(unpack(bits))
-        low, high = (cells.min(axis=0), cells.max(axis=0)) if len(cells) else np.zeros((2, 3))
-        middle = (low + high) / 2
-        if centred:
-            middle[0] = PLANE
-        half = np.maximum(high - middle, middle - low) + 0.5
-        starts.append(Start([], PUT_TOGETHER))
-        empty = (2 * half).prod() - len(cells)
-        if len(cells) > CARVED * empty:
-            block = Box(middle, np.eye(3), half, centred=centred)
-            starts.append(Start([block], CARVED))
+    starts = [Start(given, 1.0)] if given else []
+    if not scattered and given:
+        return starts
+    starts.append(Start([], 1.0))
+    cells = np.argwhere(unpack(bits))
+    low, high = (cells.min(axis=0), cells.max(axis=0)) if len(cells) else np.zeros((2, 3))
+    middle = (low + high) / 2
+    if centred:
+        middle[0] = PLANE
+    half = np.maximum(high - middle, middle - low) + 0.5
+    filled = len(cells) / (2 * half).prod()
+    if _EMPTIEST <= filled < 1:
+        block = Box(middle, np.eye(3), half, centred=centred)
+        # at half the rate at which the block alone would be worth nothing
+        starts.append(Start([block], min(0.4, 0.5 * filled / (1 - filled))))
     return starts
 
 

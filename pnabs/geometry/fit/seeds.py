@@ -108,5 +108,7 @@ def _principal(offsets: Float64) -> tuple[Float64, Float64]:
     """Principal axes of some points, as a rotation, and half-sides of about their extent."""
     centred = offsets - offsets.mean(axis=0)
     spread, axes = np.linalg.eigh(centred.T @ centred / len(offsets))
+    # eigenvectors come with either sign, by library and machine
+    axes *= np.where(axes[np.argmax(np.abs(axes), axis=0), range(3)] < 0, -1.0, 1.0)
     axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
     return axes, np.maximum(1.2 * np.sqrt(np.maximum(spread, 0)), 0.5)

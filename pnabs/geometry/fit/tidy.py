@@ -23,46 +23,72 @@ _FACING = 0.9
 """Cosine of the largest angle between a side's normal and a sample's."""
 _ENOUGH = 5
 """Samples that say where a side is."""
+_NEAR_FRAME = 0.35
+"""A box is turned into another's frame by so much at most, radians."""
+_SAME_FRAME = 1e-6
 _BEYOND = 1.0
 """How far a negative reaches out of what it opens, in cells."""
 
 
 def straighten(assembly: Assembly, rate: float, fee: float) -> None:
-    """Turn boxes to the grid's axes, all three or one of them, and fit them again.
+    """Turn boxes to axes that are the grid's or another box's, and fit them again.
+
+    The largest come first: a shape that stands askew has axes of its own, which are those of
+    its largest boxes.
 
     Parameters
     ----------
     assembly : Assembly
     rate : float
     fee : float
-        What it may cost to lose one degree of freedom of turning, in doubled cells.
+        What that may cost a box, in doubled cells.
     """
-    for index, box in enumerate(assembly.boxes):
+    frames = [np.eye(3)]
+    for index in np.argsort([-box.half.prod() for box in assembly.boxes], kind="stable"):
+        box = assembly.boxes[index]
         if is_aligned(box.axes):
-            assembly.replace(index, _canonical(box))
+            assembly.replace(index, _in_frame(box, np.eye(3)))
             continue
         field = assembly.field(box.sign, index)
-        least = assembly.gain(index, rate)
-        for start, turns in _straighter(box):
+        least = assembly.gain(index, rate) - fee
+        for start, turns in _straighter(box, frames):
             straight, value = assembly.searched(start, field, rate, 1.0, 0.25, turns=turns)
-            if value >= least - fee * (3 - turns):
+            if value >= least:
                 assembly.replace(index, straight)
                 break
+        axes = assembly.boxes[index].axes
+        if not any(_apart(axes, frame) < _SAME_FRAME for frame in frames):
+            frames += [axes, assembly.boxes[index].mirrored().axes]
 
 
-def _canonical(box: Box) -> Box:
-    """An aligned box with the grid's own axes in their order."""
-    order = np.argmax(np.abs(box.axes), axis=0)
-    half = np.empty(3)
-    half[order] = box.half
-    return box._replace(axes=np.eye(3), half=half)
+def _straighter(box: Box, frames: list[Float64]) -> Iterator[tuple[Box, int]]:
+    """A turned box in the grid's frame, in others near it, and along one axis of the grid.
 
-
-def _straighter(box: Box) -> Iterator[tuple[Box, int]]:
-    """A turned box along all axes of the grid, then along one, with the turns left to it."""
-    yield _canonical(box._replace(axes=_nearest_permutation(box.axes))), 0
+    With each comes the number of turns that are left to it.
+    """
+    near = [(_apart(box.axes, frame), k) for k, frame in enumerate(frames)]
+    for apart, k in sorted(near):
+        # a centred box has the mirror plane's normal among its axes
+        possible = not box.centred or np.any(np.abs(frames[k][0]) == 1)
+        if possible and (k == 0 or apart < _NEAR_FRAME):
+            yield _in_frame(box, frames[k]), 0
     if not box.centred:
         yield along(box, int(np.argmax(np.abs(box.axes).max(axis=1)))), 1
+
+
+def _apart(axes: Float64, frame: Float64) -> float:
+    """Angle of the largest turn from an axis to the frame's nearest, radians."""
+    return float(np.arccos(np.clip(np.abs(frame.T @ axes).max(axis=0).min(), -1, 1)))
+
+
+def _in_frame(box: Box, frame: Float64) -> Box:
+    """The box with a frame's axes, in their order; each side goes along the one nearest to it."""
+    size, order = np.abs(frame.T @ box.axes), np.zeros(3, dtype=np.int64)
+    for _ in range(3):
+        i, k = np.unravel_index(np.argmax(size), (3, 3))
+        order[i] = k
+        size[i, :], size[:, k] = -1.0, -1.0
+    return box._replace(axes=frame.copy(), half=box.half[order])
 
 
 def along(box: Box, axis: int) -> Box:
@@ -76,16 +102,6 @@ def along(box: Box, axis: int) -> Box:
     second /= np.linalg.norm(second)
     axes = np.column_stack([first, second, np.cross(first, second)])
     return box._replace(axes=axes, half=half)
-
-
-def _nearest_permutation(axes: Float64) -> Float64:
-    """The signed permutation matrix that takes each axis to one of the grid's near it."""
-    size, nearest = np.abs(axes), np.zeros((3, 3))
-    for _ in range(3):
-        i, k = np.unravel_index(np.argmax(size), (3, 3))
-        nearest[i, k] = 1.0 if axes[i, k] >= 0 else -1.0
-        size[i, :], size[:, k] = -1.0, -1.0
-    return nearest
 
 
 def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, fee: float) -> None:

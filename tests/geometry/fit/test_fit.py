@@ -11,6 +11,7 @@ from pnabs.geometry.cuboid import corners
 from pnabs.geometry.fit.build import Terms
 from pnabs.geometry.fit.fit import CELL, Fitted, fit
 from pnabs.geometry.metrics import iou, predicted_occupancy
+from pnabs.geometry.quaternion import to_matrix
 from pnabs.geometry.types import Bool, Cuboids
 from tests.geometry.boxes import random_cuboids
 from tests.geometry.fit.shapes import CRATE, HOLLOW, TABLE, occupied, surface, upright
@@ -192,3 +193,17 @@ def test_levels_are_nested_and_keep_the_symmetry() -> None:
         np.testing.assert_array_equal(
             mirrored, predicted_occupancy(level.positives, level.negatives, 64, 2e-3)
         )
+
+
+def test_a_table_that_stands_askew_has_axes_of_its_own() -> None:
+    turn = [np.cos(np.pi / 12), 0, np.sin(np.pi / 12), 0]
+    rows = TABLE.as_vector()
+    rows[:, 3:7] = turn
+    rows[:, 7:] = rows[:, 7:] @ to_matrix(turn).T
+    found, shape = fitted(Cuboids.from_vector(rows))
+    assert agreement(found, shape) > 0.93
+    assert len(found.positives) + len(found.negatives) <= 8
+    axes = to_matrix(found.positives.rotation)
+    own = axes[np.argmax(found.positives.scale.prod(axis=1))]
+    apart = np.abs(own.T @ axes).max(axis=1).min(axis=1)
+    assert np.count_nonzero(apart > 1 - 1e-6) >= 4
