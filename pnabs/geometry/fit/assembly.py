@@ -64,29 +64,38 @@ class Target(NamedTuple):
         the whole shape, so that each cell counts twice in either case.
     low : int
         First x that counts: 32 with a mirror, else 0.
+    sure : (64, 64) uint64
+        Cells that aren't in doubt (`pnabs.geometry.fit.sure`), in both halves.
     """
 
     near: Bits
     far: Bits
     low: int
+    sure: Bits
 
     @classmethod
-    def whole(cls, bits: Bits) -> Target:
+    def whole(cls, bits: Bits, sure: Bits) -> Target:
         """A shape as it is."""
-        return cls(bits, bits, 0)
+        return cls(bits, bits, 0, sure)
 
     @classmethod
-    def folded(cls, bits: Bits) -> Target:
+    def folded(cls, bits: Bits, sure: Bits) -> Target:
         """A shape folded at the plane."""
-        near, far = nothing(), nothing()
-        near[SIDE // 2 :] = bits[SIDE // 2 :]
-        far[SIDE // 2 :] = bits[: SIDE // 2][::-1]
-        return cls(near, far, SIDE // 2)
+        (near, far), (one, other) = _halves(bits), _halves(sure)
+        return cls(near, far, SIDE // 2, one & other)
 
     @property
     def total(self) -> int:
         """Cells of the shape, each counted twice if there is no mirror."""
         return count(self.near) + count(self.far)
+
+
+def _halves(bits: Bits) -> tuple[Bits, Bits]:
+    """The half x > `PLANE`, and the other half's mirror image in its place."""
+    near, far = nothing(), nothing()
+    near[SIDE // 2 :] = bits[SIDE // 2 :]
+    far[SIDE // 2 :] = bits[: SIDE // 2][::-1]
+    return near, far
 
 
 class Assembly:
@@ -172,10 +181,12 @@ class Assembly:
         free = ~(added | removed) if sign > 0 else added & ~removed
         return self.target.near & free, self.target.far & free, free
 
-    def gain(self, index: int, rate: float) -> float:
-        """What a box adds to the whole: its `worth` beside all others."""
+    def gain(self, index: int, rate: float, *, sure: bool = False) -> float:
+        """What a box adds to the whole: its `worth` beside all others, by sure cells or all."""
         box = self.boxes[index]
         near, far, free = self.field(box.sign, index)
+        if sure:
+            near, far, free = (bits & self.target.sure for bits in (near, far, free))
         low = self.target.low
         folded = low > 0 and not box.centred
         return float(worth(*box[:3], near, far, free, low, rate, box.sign, folded))

@@ -14,6 +14,9 @@ import numpy as np
 from pnabs.geometry.fit.assembly import Assembly, Box, Target
 from pnabs.geometry.fit.seeds import proposal
 
+_STRIP = 0.75
+"""Half the side of a box that is more than a cell thick, in cells."""
+
 
 @dataclass(frozen=True, slots=True)
 class Effort:
@@ -179,6 +182,14 @@ def grow(
         assembly.add(best[0])
 
 
+def is_strip(box: Box) -> bool:
+    """Whether a box is one cell thick: it may trace steps of the grid and not the shape.
+
+    Such a box must earn its price with cells that are not in doubt.
+    """
+    return bool(box.half.min() < _STRIP)
+
+
 def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
     """Take away the box that earns least, while there are too many or it isn't worth its price."""
     fee = terms.price * assembly.total
@@ -186,7 +197,7 @@ def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
         spare = max(size - terms.budget, 0)
         over = [s for s in (1, -1) if assembly.size_of(s) > terms.most(s) + spare]
         gains = [
-            assembly.gain(index, rate) / assembly.cost(box)
+            assembly.gain(index, rate, sure=is_strip(box)) / assembly.cost(box)
             if not over or box.sign in over
             else np.inf
             for index, box in enumerate(assembly.boxes)

@@ -13,8 +13,9 @@ from pnabs.geometry.fit import tidy
 from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
 from pnabs.geometry.fit.bits import SIDE, Bits, count, pack, unpack
 from pnabs.geometry.fit.box import is_aligned
-from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow
+from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, is_strip
 from pnabs.geometry.fit.levels import Unit, levels
+from pnabs.geometry.fit.sure import sure_cells
 from pnabs.geometry.kernel import compiling
 from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
 
@@ -121,11 +122,12 @@ def fit(
     points = (surface[:, :3].astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
     normals = surface[:, 3:].astype(np.float64)[:, order]
     given = _to_boxes(start, order) if start else []
-    whole = Target.whole(bits)
+    sure = pack(sure_cells(occupancy.transpose(order), points, normals))
+    whole = Target.whole(bits, sure)
 
     if mirror >= 0 and _mirror_iou(bits) >= MIRROR_IOU:
         half = build(
-            Target.folded(bits),
+            Target.folded(bits, sure),
             _starts(bits, _paired(given), scattered=scattered, centred=True),
             terms,
             effort,
@@ -180,7 +182,8 @@ def _complete(assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.G
     before, rate = len(assembly), assembly.iou()
     grow(assembly, terms, effort, rate, terms.budget, rng)
     for index in reversed(range(before, len(assembly))):
-        if assembly.gain(index, rate) < terms.price * assembly.total:
+        box = assembly.boxes[index]
+        if assembly.gain(index, rate, sure=is_strip(box)) < terms.price * assembly.total:
             assembly.remove(index)
 
 

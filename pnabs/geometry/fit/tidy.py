@@ -52,7 +52,7 @@ def straighten(assembly: Assembly, rate: float, fee: float) -> None:
         field = assembly.field(box.sign, index)
         least = assembly.gain(index, rate) - fee
         for start, turns in _straighter(box, frames):
-            straight, value = assembly.searched(start, field, rate, 1.0, 0.25, turns=turns)
+            straight, value = assembly.searched(start, field, rate, 2.0, 0.25, turns=turns)
             if value >= least:
                 assembly.replace(index, straight)
                 break

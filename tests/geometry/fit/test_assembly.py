@@ -15,6 +15,7 @@ from pnabs.geometry.types import Bool
 from tests.geometry.fit.test_box import contained, random_box
 
 SEEDS = st.integers(0, 2**32 - 1)
+EVERY = ~bits.nothing()
 
 
 def blob(seed: int) -> Bool:
@@ -45,7 +46,7 @@ def solid(boxes: list[Box]) -> Bool:
 @settings(deadline=None, max_examples=15)
 def test_iou_is_that_of_the_cells(seed: int) -> None:
     shape, found = blob(seed), boxes(seed)
-    assembly = Assembly(Target.whole(bits.pack(shape)), found)
+    assembly = Assembly(Target.whole(bits.pack(shape), EVERY), found)
     assert assembly.iou() == pytest.approx(iou(solid(found), shape), abs=1e-12)
 
 
@@ -53,7 +54,7 @@ def test_iou_is_that_of_the_cells(seed: int) -> None:
 @settings(deadline=None, max_examples=15)
 def test_a_folded_assembly_is_worth_what_the_whole_with_all_images_is(seed: int) -> None:
     shape, found = blob(seed), boxes(seed)
-    folded = Assembly(Target.folded(bits.pack(shape)), found)
+    folded = Assembly(Target.folded(bits.pack(shape), EVERY), found)
     images = [image for box in found for image in (box, box.mirrored())]
     assert folded.iou() == pytest.approx(iou(solid(images), shape), abs=1e-12)
     assert folded.size == len(images)
@@ -63,7 +64,7 @@ def test_a_folded_assembly_is_worth_what_the_whole_with_all_images_is(seed: int)
 @settings(deadline=None, max_examples=15)
 def test_a_gain_is_what_the_whole_loses_without_the_box(seed: int, rate: float, index: int) -> None:
     shape, found = blob(seed), boxes(seed)
-    assembly = Assembly(Target.whole(bits.pack(shape)), found)
+    assembly = Assembly(Target.whole(bits.pack(shape), EVERY), found)
 
     def score(boxes: list[Box]) -> float:
         cells = solid(boxes)
@@ -75,11 +76,29 @@ def test_a_gain_is_what_the_whole_loses_without_the_box(seed: int, rate: float, 
 
 @given(SEEDS, st.booleans())
 @settings(deadline=None, max_examples=10)
+def test_a_sure_gain_is_that_of_the_sure_cells(seed: int, folded: bool) -> None:
+    shape, found = blob(seed), boxes(seed)
+    sure = np.random.default_rng(seed).random((64, 64, 64)) < 0.8
+    make = Target.folded if folded else Target.whole
+    assembly = Assembly(make(bits.pack(shape), bits.pack(sure)), found)
+    # where a cell doesn't count, the shape may be as the boxes have it
+    counted = sure & sure[::-1] if folded else sure
+    images = [image for box in found for image in ((box, box.mirrored()) if folded else (box,))]
+    agreed = np.where(counted, shape, solid(images))
+    other = Assembly(make(bits.pack(agreed), EVERY), found)
+    without = Assembly(make(bits.pack(agreed), EVERY), found[1:])
+    doubt = bits.pack(~counted & (bits.unpack(other.occupied()) != bits.unpack(without.occupied())))
+    hits = bits.count(doubt & other.occupied()) * 2 - bits.count(doubt & without.occupied()) * 2
+    assert assembly.gain(0, 0.7, sure=True) == pytest.approx(other.gain(0, 0.7) - hits)
+
+
+@given(SEEDS, st.booleans())
+@settings(deadline=None, max_examples=10)
 def test_search_never_makes_a_box_worse_and_says_what_it_is_worth(
     seed: int, negative: bool
 ) -> None:
     shape, found = blob(seed), boxes(seed)
-    assembly = Assembly(Target.whole(bits.pack(shape)), found)
+    assembly = Assembly(Target.whole(bits.pack(shape), EVERY), found)
     sign = -1 if negative else 1
     field = assembly.field(sign)
     start = random_box(seed + 50)._replace(sign=sign)
@@ -96,7 +115,7 @@ def test_search_never_makes_a_box_worse_and_says_what_it_is_worth(
 
 def test_search_finds_a_box_from_a_cell_within() -> None:
     true = Box(np.array([30.0, 20.0, 40.0]), np.eye(3), np.array([12.5, 7.5, 3.5]))
-    target = Target.whole(true.painted())
+    target = Target.whole(true.painted(), EVERY)
     assembly = Assembly(target, [])
     seed = Box(np.array([35.0, 16.0, 41.0]), np.eye(3), np.full(3, 0.5))
     found, value = assembly.searched(seed, assembly.field(1), 1.0, 4.0, 0.5)
@@ -106,7 +125,7 @@ def test_search_finds_a_box_from_a_cell_within() -> None:
 
 def test_a_centred_box_stays_its_own_mirror_image() -> None:
     shape = blob(5)
-    target = Target.folded(bits.pack(shape | shape[::-1]))
+    target = Target.folded(bits.pack(shape | shape[::-1]), EVERY)
     assembly = Assembly(target, [])
     start = Box(np.array([PLANE, 30.0, 30.0]), np.eye(3), np.array([3.0, 2.0, 2.0]), centred=True)
     found, _ = assembly.searched(start, assembly.field(1), 0.8, 4.0, 0.25)
@@ -117,7 +136,7 @@ def test_a_centred_box_stays_its_own_mirror_image() -> None:
 
 def test_changes_are_seen_and_a_copy_has_its_own() -> None:
     shape, found = blob(1), boxes(1)
-    target = Target.whole(bits.pack(shape))
+    target = Target.whole(bits.pack(shape), EVERY)
     assembly = Assembly(target, found)
     twin = assembly.copy()
     twin.remove(0)

@@ -8,8 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from pnabs.geometry.fit import tidy
 from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
+from pnabs.geometry.fit.bits import nothing
 from pnabs.geometry.fit.box import is_aligned
 from pnabs.geometry.types import Float64
+
+EVERY = ~nothing()
 
 
 def upright(centre: tuple[float, ...], half: tuple[float, ...], sign: int = 1) -> Box:
@@ -20,7 +23,7 @@ def target(*boxes: Box) -> Target:
     bits = np.zeros((64, 64), dtype=np.uint64)
     for box in boxes:
         bits |= box.painted()
-    return Target.whole(bits)
+    return Target.whole(bits, EVERY)
 
 
 def faces(box: Box, sign: int = 1) -> tuple[Float64, Float64]:
@@ -83,7 +86,7 @@ def test_sides_settle_on_the_surface_between_the_layers(sign: int) -> None:
     if sign > 0:
         assembly = Assembly(target(true), [found])
     else:
-        assembly = Assembly(Target.whole(block.painted() & ~true.painted()), [block, found])
+        assembly = Assembly(Target.whole(block.painted() & ~true.painted(), EVERY), [block, found])
     points, normals = faces(true, sign)
     tidy.settle(assembly, points, normals, 0.9, 0.0)
     settled = assembly.boxes[-1]
@@ -117,7 +120,7 @@ def test_neighbours_that_nearly_touch_overlap_and_nearly_flush_ones_become_so() 
 def test_negatives_reach_out_of_the_opening_but_not_into_the_solid() -> None:
     block = upright((30, 30, 30), (10, 10, 10))
     hole = upright((30, 34, 30), (6, 6, 6), -1)  # open above
-    assembly = Assembly(Target.whole(block.painted() & ~hole.painted()), [block, hole])
+    assembly = Assembly(Target.whole(block.painted() & ~hole.painted(), EVERY), [block, hole])
     tidy.open_out(assembly, 0.9)
     low, high = assembly.boxes[1].bounds()
     assert high[1] >= block.bounds()[1, 1] + 0.5
