@@ -51,11 +51,12 @@ def test_ingest(category: str) -> None:
     ), "the stage's bytes changed: raise its version, then note these values"
 
 
+# Positives, negatives, and a weighted sum of their parameters.
 ABSTRACT_VERSION = 3
 FIT = {
-    "chair": (0, 0, 0.0),
-    "lamp": (0, 0, 0.0),
-    "ship": (0, 0, 0.0),
+    "chair": (17, 3, 0.4441),
+    "lamp": (19, 1, -1.006),
+    "ship": (13, 6, -2.2816),
 }
 
 

@@ -41,37 +41,32 @@ def is_aligned(axes: Float64) -> bool:
 
 
 @kernel
-def _column(
-    centre: Float64, axes: Float64, half: Float64, slope: Float64, x: int, y: int
-) -> np.uint64:
-    """The cells of a column in the box.
+def _slabs(axes: Float64, half: Float64) -> Float64:
+    """For each pair of sides: how their part of a column moves with x and y, and half of it.
 
-    `slope` is 1 / axes[2], or 0 where that is nearly 0.
+    Sides along the columns have a part so long, or so far away, that it is all or nothing.
     """
-    low, high = -1e9, 1e9
-    dx, dy = x - centre[0], y - centre[1]
+    slabs = np.empty((3, 3))
     for k in range(3):
-        along = axes[0, k] * dx + axes[1, k] * dy
-        if slope[k] == 0.0:
-            if abs(along) > half[k] + _SLACK:
-                return np.uint64(0)
-        else:
-            start, end = (-half[k] - along) * slope[k], (half[k] - along) * slope[k]
-            if start > end:
-                start, end = end, start
-            low, high = max(low, start), min(high, end)
-    first = math.ceil(max(low + centre[2] - _SLACK, 0.0))
-    last = math.floor(min(high + centre[2] + _SLACK, 63.0))
-    return span(first, last) if first <= last else np.uint64(0)
+        slope = axes[2, k]
+        stretch = 1.0 / slope if abs(slope) > _SLACK else 1e15
+        slabs[k, 0], slabs[k, 1] = axes[0, k] * stretch, axes[1, k] * stretch
+        slabs[k, 2] = (half[k] + _SLACK) * abs(stretch)
+    return slabs
 
 
 @kernel
-def _slope(axes: Float64) -> Float64:
-    slope = np.zeros(3)
+def _column(centre: Float64, slabs: Float64, x: int, y: int) -> np.uint64:
+    """The cells of a column in the box of those `_slabs`."""
+    dx, dy = x - centre[0], y - centre[1]
+    first, last = -centre[2], 63.0 - centre[2]
     for k in range(3):
-        if abs(axes[2, k]) > _SLACK:
-            slope[k] = 1.0 / axes[2, k]
-    return slope
+        middle = slabs[k, 0] * dx + slabs[k, 1] * dy
+        first, last = max(first, -slabs[k, 2] - middle), min(last, slabs[k, 2] - middle)
+    if first > last:
+        return np.uint64(0)
+    low, high = math.ceil(first + centre[2] - _SLACK), math.floor(last + centre[2] + _SLACK)
+    return span(low, high) if low <= high else np.uint64(0)
 
 
 @kernel
@@ -109,7 +104,7 @@ def tally(
     if z0 > z1:
         return 0, 0
     aligned, whole = is_aligned(axes), span(z0, z1)
-    slope = _slope(axes)
+    slabs = _slabs(axes, half)
     end = max(last_x, 63 - first_x) if folded else last_x
     for x in range(max(first_x, low), end + 1):
         itself = first_x <= x <= last_x
@@ -121,9 +116,9 @@ def tally(
             if not aligned:
                 mask = np.uint64(0)
                 if itself:
-                    mask = _column(centre, axes, half, slope, x, y)
+                    mask = _column(centre, slabs, x, y)
                 if image:
-                    mask |= _column(centre, axes, half, slope, 63 - x, y)
+                    mask |= _column(centre, slabs, 63 - x, y)
             cells += ones(free[x, y] & mask)
             hits += ones(near[x, y] & mask) + ones(far[x, y] & mask)
     return hits, 2 * cells
@@ -134,7 +129,7 @@ def paint(centre: Float64, axes: Float64, half: Float64, out: Bits) -> None:
     """Set the box's cells."""
     x0, x1 = _reach(centre, axes, half, 0, 0)
     y0, y1 = _reach(centre, axes, half, 1, 0)
-    slope = _slope(axes)
+    slabs = _slabs(axes, half)
     for x in range(x0, x1 + 1):
         for y in range(y0, y1 + 1):
-            out[x, y] |= _column(centre, axes, half, slope, x, y)
+            out[x, y] |= _column(centre, slabs, x, y)

@@ -28,13 +28,15 @@ class Effort:
         Boxes beyond the budget that are added before the least are taken away.
     tries : int
         Seeds for each addition.
-    rounds : int
-        Times that the least boxes are exchanged for others.
+    rounds, patience : int
+        Times that the least boxes are exchanged for others, and how many of these may come to
+        nothing in a row.
     """
 
     extra: int = 4
     tries: int = 3
-    rounds: int = 10
+    rounds: int = 12
+    patience: int = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,7 @@ def _exchanged(
 ) -> Assembly:
     """Some of the least boxes exchanged for others, again and again, where that is better."""
     tilt = terms.tilt * assembly.total
+    vain = 0
     for attempt in range(effort.rounds):
         rate = assembly.iou()
         trial = assembly.copy()
@@ -147,8 +150,11 @@ def _exchanged(
         trial.refine(rate, 2.0, 0.5, tilt)
         trial.refine(rate, 1.0, 0.5, tilt)
         prune(trial, terms, rate, terms.budget)
+        vain += 1
         if merit(trial, terms) > merit(assembly, terms):
-            assembly = trial
+            assembly, vain = trial, 0
+        if vain == effort.patience:
+            break
     assembly.refine(assembly.iou(), 1.0, 0.25, tilt)
     return assembly
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from pnabs.geometry.fit.assembly import PLANE, Assembly, Box
 from pnabs.geometry.fit.bits import Bits, cell_at, cells_near, count, eroded
 from pnabs.geometry.fit.box import is_aligned
+from pnabs.geometry.kernel import kernel
 from pnabs.geometry.types import Float64, Int64
 
 _STEP = 4.0
@@ -101,14 +103,26 @@ def _starts(wrong: Bits, cell: Int64, depth: int, sign: int, *, mirrored: bool) 
         wide = np.array([centre[0] - PLANE + half[0], half[1], half[2]])
         yield Box(middle, np.eye(3), wide, sign, centred=True)
     if len(offsets) >= _FEW:
-        yield Box(centre + offsets.mean(axis=0), *_principal(offsets), sign)
+        mean, axes, half = _principal(offsets)
+        yield Box(centre + mean, axes, half, sign)
 
 
-def _principal(offsets: Float64) -> tuple[Float64, Float64]:
-    """Principal axes of some points, as a rotation, and half-sides of about their extent."""
-    centred = offsets - offsets.mean(axis=0)
-    spread, axes = np.linalg.eigh(centred.T @ centred / len(offsets))
-    # eigenvectors come with either sign, by library and machine
-    axes *= np.where(axes[np.argmax(np.abs(axes), axis=0), range(3)] < 0, -1.0, 1.0)
-    axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
-    return axes, np.maximum(1.2 * np.sqrt(np.maximum(spread, 0)), 0.5)
+@kernel
+def _principal(offsets: Float64) -> tuple[Float64, Float64, Float64]:
+    """Mean and principal axes of some points, as a rotation, and half-sides of their extent."""
+    mean = np.zeros(3)
+    for row in range(len(offsets)):
+        mean += offsets[row]
+    mean /= len(offsets)
+    around = offsets - mean
+    spread, axes = np.linalg.eigh(around.T @ around / len(offsets))
+    half = np.empty(3)
+    for k in range(3):
+        half[k] = max(1.2 * math.sqrt(max(spread[k], 0.0)), 0.5)
+        # eigenvectors come with either sign, by library and machine
+        if axes[np.argmax(np.abs(axes[:, k])), k] < 0:
+            axes[:, k] = -axes[:, k]
+    for r in range(3):
+        i, j = (r + 1) % 3, (r + 2) % 3
+        axes[r, 0] = axes[i, 1] * axes[j, 2] - axes[j, 1] * axes[i, 2]
+    return mean, axes, half
