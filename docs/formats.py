@@ -82,6 +82,7 @@ def main(mesh: Path) -> None:
     formats = ["glb", "parts", "obj", "ply", "stl", "urdf", "mjcf"]
     with tempfile.TemporaryDirectory() as out:
         asked = [part for name in formats for part in ("--format", name)]
+        asked += ["--set", "abstract.fit=false"]  # whose negatives open more than one side
         subprocess.run(["pnabs", "abstract", mesh, "--out", out, *asked], check=True)
         file = Path(out) / mesh.stem / "abstraction"
         cells = {"the mesh": [(pyvista.read(mesh), (0.6, 0.6, 0.62))]}
