@@ -209,6 +209,6 @@ def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
             for index, box in enumerate(assembly.boxes)
         ]
         least = int(np.argmin(gains))
-        if not over and assembly.size <= size and gains[least] >= fee:
+        if not over and assembly.size <= size and gains[least] >= max(fee, 1):
             return
         assembly.remove(least)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pnabs.geometry import cuboid
+from pnabs.geometry import cuboid, quaternion
 from pnabs.geometry.fit import tidy
 from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
 from pnabs.geometry.fit.bits import SIDE, Bits, count, pack, unpack
@@ -35,7 +35,6 @@ _NEGLIGIBLE = 5e-4
 """IoU that a tidy side may cost."""
 
 
-_NOTHING = (Cuboids.empty(), Cuboids.empty())
 _EFFORT = Effort()
 
 
@@ -153,12 +152,12 @@ def fit(
     ]
     boxes = [box for group in groups for box in group]
     return Fitted(
-        *_to_cuboids(boxes, order),
+        *_to_cuboids(units, order),
         pairs=sum(len(group) == 2 for group in groups),
         centred=sum(box.centred for box in boxes),
         aligned=sum(bool(is_aligned(box.axes)) for box in boxes),
         coarser={
-            size: FittedLevel(*_to_cuboids(level.boxes, order), level.origins)
+            size: FittedLevel(*_to_cuboids(level.units, order), level.origins)
             for size, level in levels(whole, units, sizes).items()
         },
     )
@@ -232,19 +231,28 @@ def _paired(boxes: list[Box]) -> list[Box]:
     return found
 
 
-def _to_cuboids(boxes: list[Box], order: list[int]) -> tuple[Cuboids, Cuboids]:
-    """Positives and negatives."""
-    if not boxes:
-        return _NOTHING
+def _to_cuboids(units: Sequence[Unit], order: list[int]) -> tuple[Cuboids, Cuboids]:
+    """Positives and negatives; the second of a pair mirrors the first to the last bit."""
+    if not units:
+        return Cuboids.empty(), Cuboids.empty()
+    boxes = [unit.boxes[0] for unit in units]
     back = np.argsort(order)
     scale = np.array([2 * box.half for box in boxes])[:, back] * CELL
     # own axes are put in another order too, so that a box along the grid's has no rotation
     axes = np.array([box.axes for box in boxes])[:, back][:, :, back]
     centre = (np.array([box.centre for box in boxes])[:, back] + 0.5) * CELL - GRID_SIDE / 2
     rotation = Rotation.from_matrix(axes).as_quat(scalar_first=True)
-    cuboids = Cuboids.from_vector(np.concatenate([scale, rotation, centre], axis=1))
-    sign = np.array([box.sign for box in boxes])
-    return cuboids[sign > 0], cuboids[sign < 0]
+    one = Cuboids.from_vector(np.concatenate([scale, rotation, centre], axis=1))
+
+    pair = np.array([len(unit.boxes) == 2 for unit in units])
+    flip = np.ones(3, dtype=np.float32)
+    flip[order[0]] = -1
+    turned = quaternion.mirror(one.rotation, order[0]).astype(np.float32)
+    both = one.joined(Cuboids(one.scale, turned, one.translation * flip)[pair])
+    place = np.concatenate([np.arange(len(units)), np.flatnonzero(pair)])
+    both = both[np.argsort(place, kind="stable")]
+    sign = np.array([box.sign for unit in units for box in unit.boxes])
+    return both[sign > 0], both[sign < 0]
 
 
 def warm_up() -> None:

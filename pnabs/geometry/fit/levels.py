@@ -44,10 +44,14 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """The boxes of one level, and for each the finest boxes that it stands for."""
+    """The units of one level, positives first, and for each box the finest it stands for."""
 
-    boxes: list[Box]
-    origins: list[list[int]]
+    units: list[Unit]
+
+    @property
+    def origins(self) -> list[list[int]]:
+        """For each box of all units, in their order."""
+        return [origin for unit in self.units for origin in unit.origins]
 
 
 def levels(target: Target, units: Sequence[Unit], sizes: Sequence[int]) -> dict[int, Level]:
@@ -72,11 +76,7 @@ def levels(target: Target, units: Sequence[Unit], sizes: Sequence[int]) -> dict[
     for size in sorted(set(sizes), reverse=True):
         while _size(current) > size:
             current = _coarser(target, current)
-        ordered = sorted(current, key=lambda unit: -unit.sign)
-        found[size] = Level(
-            [box for unit in ordered for box in unit.boxes],
-            [origin for unit in ordered for origin in unit.origins],
-        )
+        found[size] = Level(sorted(current, key=lambda unit: -unit.sign))
     return found
 
 
