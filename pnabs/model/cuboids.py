@@ -97,14 +97,6 @@ def _excess(cuboids: Tensor, points: Tensor) -> Tensor:
     return local.abs() - scale.transpose(1, 2).unsqueeze(-1) / 2
 
 
-def distances(cuboids: Tensor, points: Tensor) -> Tensor:
-    """Distance of every point to every cuboid, (B, N, P): zero inside (METHOD, cuboids).
-
-    The gradient inside and on the surface is zero.
-    """
-    return norm(_excess(cuboids, points).relu(), dim=1)
-
-
 def signed_distances(cuboids: Tensor, points: Tensor) -> Tensor:
     """Exact signed distance of every point to every cuboid, (B, N, P), negative inside."""
     return _signed(_excess(cuboids, points))
@@ -149,14 +141,57 @@ def union_signed_distance(cuboids: Tensor, points: Tensor) -> Tensor:
     batch, count = cuboids.shape[:2]
     winner = nearest(cuboids, points)
     winner = winner + count * torch.arange(batch, device=winner.device).unsqueeze(1)
-    rotation = rotation_matrices(cuboids).transpose(-1, -2).reshape(batch * count, 9)
+    excess = _chosen_excess(cuboids, winner.flatten(), points.flatten(0, 1))
+    return _signed(excess).view(points.shape[:2])
+
+
+def _chosen_excess(cuboids: Tensor, chosen: Tensor, points: Tensor) -> Tensor:
+    """`_excess` of each point (K, 3) beside one cuboid of all, by its flat index (K,): (K, 3)."""
+    rotation = rotation_matrices(cuboids).transpose(-1, -2).flatten(0, 1).flatten(1)
     scale, _, translation = split(cuboids)
     packed = torch.cat([rotation, scale.flatten(0, 1) / 2, translation.flatten(0, 1)], dim=1)
-    chosen = packed.index_select(0, winner.flatten())
-    to_local, half, centre = chosen[:, :9].view(-1, 3, 3), chosen[:, 9:12], chosen[:, 12:]
-    relative = (points.flatten(0, 1) - centre).unsqueeze(1)
-    excess = (to_local * relative).sum(-1).abs() - half
-    return _signed(excess).view(points.shape[:2])
+    rows = packed.index_select(0, chosen)
+    to_local, half, centre = rows[:, :9].view(-1, 3, 3), rows[:, 9:12], rows[:, 12:]
+    return (to_local * (points - centre).unsqueeze(1)).sum(-1).abs() - half
+
+
+def closeness(cuboids: Tensor, points: Tensor, reach: float) -> Tensor:
+    """Mean of `reach` less the distance, where that is positive, over all cuboids and points.
+
+    Few points are that near to a cuboid, so only those pairs are differentiated: the others,
+    and points inside, have no gradient.
+    """
+    batch, count = cuboids.shape[:2]
+    pairs, inside = _near_pairs(cuboids, points, reach)
+    owner, which, place = pairs
+    near = points[owner, place]
+    apart = norm(_chosen_excess(cuboids, owner * count + which, near).relu(), dim=1)
+    total = (reach - apart).sum() + reach * inside
+    return total / (batch * count * points.shape[1])
+
+
+@torch.no_grad()
+def _near_pairs(
+    cuboids: Tensor, points: Tensor, reach: float
+) -> tuple[tuple[Tensor, Tensor, Tensor], int]:
+    """Rows, cuboids and points of pairs nearer than `reach` but apart; how many points are inside.
+
+    Cuboids are visited one after the other, as in `nearest`.
+    """
+    matrices = rotation_matrices(cuboids).transpose(-1, -2)
+    half = cuboids[..., :3].unsqueeze(-1) / 2
+    offset = -(matrices @ cuboids[..., 7:].unsqueeze(-1))
+    columns = points.transpose(1, 2).contiguous()
+    rows, owners, places, inside = [], [], [], 0
+    for i in range(cuboids.shape[1]):
+        excess = torch.baddbmm(offset[:, i], matrices[:, i], columns).abs_().sub_(half[:, i])
+        squared = excess.clamp_(min=0).square_().sum(dim=1)
+        inside += int(torch.count_nonzero(squared == 0))
+        row, place = torch.nonzero((squared > 0) & (squared < reach * reach), as_tuple=True)
+        rows.append(row)
+        places.append(place)
+        owners.append(torch.full_like(row, i))
+    return (torch.cat(rows), torch.cat(owners), torch.cat(places)), inside
 
 
 def union_distance(cuboids: Tensor, points: Tensor) -> Tensor:

@@ -175,7 +175,7 @@ def separation(view: View) -> Tensor:
     points = view.batch.shape_interior
     if points is None:
         raise ValueError("the separation loss needs the training set's shape_interior")
-    return (THETA_D - geometry.distances(view.cuboids, points)).relu().mean()
+    return geometry.closeness(view.cuboids, points, THETA_D)
 
 
 def temperature(progress: float) -> float:

@@ -23,7 +23,7 @@ VERSIONS = {
     "ingest": 2,
     "train-positive": 1,
     "difference": 1,
-    "train-negative": 1,
+    "train-negative": 2,
     "abstract": 3,
 }
 """Raised when a stage's bytes change for the same settings and inputs."""

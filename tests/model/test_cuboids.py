@@ -57,8 +57,25 @@ def test_distances(cuboids: Tensor, points: Tensor) -> None:
     assert (expected < -0.01).any()
     found = geometry.signed_distances(cuboids, points)
     np.testing.assert_allclose(found, expected, atol=1e-12)
-    found = geometry.distances(cuboids, points)
-    np.testing.assert_allclose(found, np.maximum(expected, 0), atol=1e-12)
+
+
+@pytest.mark.parametrize("reach", [0.01, 0.2, 5.0])
+def test_closeness_is_the_mean_over_all_pairs(
+    cuboids: Tensor, points: Tensor, reach: float
+) -> None:
+    apart = np.maximum(signed_reference(cuboids, points), 0)
+    found = float(geometry.closeness(cuboids, points, reach))
+    assert found == pytest.approx(np.maximum(reach - apart, 0).mean(), abs=1e-12)
+
+
+def test_closeness_of_what_is_far_away_is_zero_and_has_no_gradient(
+    cuboids: Tensor, points: Tensor
+) -> None:
+    leaf = cuboids.clone().requires_grad_()
+    value = geometry.closeness(leaf, points + 10, 0.1)
+    (grad,) = torch.autograd.grad(value, leaf)
+    assert float(value.detach()) == 0
+    assert not grad.any()
 
 
 def test_union_is_the_least(cuboids: Tensor, points: Tensor) -> None:
@@ -84,7 +101,12 @@ def test_union_gradient_equals_that_of_the_minimum(cuboids: Tensor, points: Tens
 
 
 @pytest.mark.parametrize(
-    "function", [geometry.distances, geometry.signed_distances, geometry.union_signed_distance]
+    "function",
+    [
+        geometry.signed_distances,
+        geometry.union_signed_distance,
+        lambda c, p: geometry.closeness(c, p, 0.3),
+    ],
 )
 def test_gradients_by_finite_differences(function: object, cuboids: Tensor, points: Tensor) -> None:
     leaf = cuboids[:1, :2].clone().requires_grad_()
@@ -94,7 +116,7 @@ def test_gradients_by_finite_differences(function: object, cuboids: Tensor, poin
 def test_gradient_at_the_surface_and_in_the_centre_is_finite() -> None:
     cuboid = torch.tensor([[[0.2, 0.4, 0.6, 1, 0, 0, 0, 0, 0, 0]]], requires_grad=True)
     points = torch.tensor([[[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.2, 0.3]]])
-    for function in (geometry.distances, geometry.union_signed_distance):
+    for function in (geometry.signed_distances, geometry.union_signed_distance):
         (grad,) = torch.autograd.grad(function(cuboid, points).square().sum(), cuboid)
         assert torch.isfinite(grad).all()
 
