@@ -43,7 +43,7 @@ def solid(boxes: list[Box]) -> Bool:
 
 
 @given(SEEDS)
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=6)
 def test_iou_is_that_of_the_cells(seed: int) -> None:
     shape, found = blob(seed), boxes(seed)
     assembly = Assembly(Target.whole(bits.pack(shape), EVERY), found)
@@ -51,7 +51,7 @@ def test_iou_is_that_of_the_cells(seed: int) -> None:
 
 
 @given(SEEDS)
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=6)
 def test_a_folded_assembly_is_worth_what_the_whole_with_all_images_is(seed: int) -> None:
     shape, found = blob(seed), boxes(seed)
     folded = Assembly(Target.folded(bits.pack(shape), EVERY), found)
@@ -61,7 +61,7 @@ def test_a_folded_assembly_is_worth_what_the_whole_with_all_images_is(seed: int)
 
 
 @given(SEEDS, st.floats(0.3, 1), st.integers(0, 4))
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=6)
 def test_a_gain_is_what_the_whole_loses_without_the_box(seed: int, rate: float, index: int) -> None:
     shape, found = blob(seed), boxes(seed)
     assembly = Assembly(Target.whole(bits.pack(shape), EVERY), found)
@@ -75,7 +75,7 @@ def test_a_gain_is_what_the_whole_loses_without_the_box(seed: int, rate: float, 
 
 
 @given(SEEDS, st.booleans())
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=5)
 def test_a_sure_gain_is_that_of_the_sure_cells(seed: int, folded: bool) -> None:
     shape, found = blob(seed), boxes(seed)
     sure = np.random.default_rng(seed).random((64, 64, 64)) < 0.8
@@ -93,7 +93,7 @@ def test_a_sure_gain_is_that_of_the_sure_cells(seed: int, folded: bool) -> None:
 
 
 @given(SEEDS, st.booleans())
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=5)
 def test_search_never_makes_a_box_worse_and_says_what_it_is_worth(
     seed: int, negative: bool
 ) -> None:

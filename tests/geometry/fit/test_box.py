@@ -33,14 +33,14 @@ def contained(box: Box) -> Bool:
 
 
 @given(SEEDS, st.booleans())
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 def test_painted_cells_are_those_whose_centres_it_holds(seed: int, aligned: bool) -> None:
     box = random_box(seed, aligned=aligned)
     np.testing.assert_array_equal(bits.unpack(box.painted()), contained(box))
 
 
 @given(SEEDS, st.booleans(), st.booleans())
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 def test_tally_counts_the_cells_of_the_box_and_its_image_once(
     seed: int, aligned: bool, folded: bool
 ) -> None:

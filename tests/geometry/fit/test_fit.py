@@ -125,7 +125,7 @@ def test_pairs_mirror_to_the_last_bit_across_any_axis(axis: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7), st.sampled_from([-1, 0, 2]))
-@settings(deadline=None, max_examples=8)
+@settings(deadline=None, max_examples=4)
 def test_the_budget_holds_and_every_box_is_sound(seed: int, budget: int, mirror: int) -> None:
     shape = random_cuboids(seed, 4)
     found, solid = fitted(shape, random_cuboids(seed + 1, 2), mirror=mirror, budget=budget)
@@ -141,7 +141,7 @@ def test_the_budget_holds_and_every_box_is_sound(seed: int, budget: int, mirror:
 def test_more_boxes_agree_better_and_a_high_price_takes_few() -> None:
     shape, hole = random_cuboids(7, 5), random_cuboids(8, 2)
     ious = []
-    for budget in (1, 4, 16):
+    for budget in (1, 3, 9):
         found, solid = fitted(shape, hole, budget=budget, price=0.0005)
         ious.append(agreement(found, solid))
     assert ious[0] + 0.1 < ious[1] < ious[2]
