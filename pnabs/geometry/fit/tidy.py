@@ -66,8 +66,8 @@ def _straighter(box: Box, frames: list[Float64]) -> Iterator[tuple[Box, int]]:
 
     With each comes the number of turns that are left to it.
     """
-    near = [(_apart(box.axes, frame), k) for k, frame in enumerate(frames)]
-    for apart, k in sorted(near):
+    near = [(k > 0, _apart(box.axes, frame), k) for k, frame in enumerate(frames)]
+    for _, apart, k in sorted(near):
         # a centred box has the mirror plane's normal among its axes
         possible = not box.centred or np.any(np.abs(frames[k][0]) == 1)
         if possible and (k == 0 or apart < _NEAR_FRAME):
