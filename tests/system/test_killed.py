@@ -33,7 +33,7 @@ FEW = (
     ("epoch:positive-initial", 1),
     ("after:*/ledger/abstract/*.json", 1),
 )
-"""The points of the fast suite, in the order of the run: one is reached after the other."""
+"""Two points, in the order of the run: one is reached after the other."""
 
 TWENTY = (
     ("before:*/run.json", 1),  # scan
@@ -116,6 +116,7 @@ def wait_until(done: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_driver_killed_in_two_stages_gives_the_same_bytes(
     finished: tuple[Path, Result], launch: Launcher, tmp_path: Path
 ) -> None:
