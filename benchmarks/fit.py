@@ -278,7 +278,7 @@ def feed_forward(models: Sequence[Model]) -> None:
 
 
 OTHER = """
-import json, sys, numpy as np, time, resource
+import json, sys, numpy as np, time
 from pnabs.geometry.load import parse_mesh
 from pnabs.geometry.normalise import normalise
 from pnabs.settings import Limits

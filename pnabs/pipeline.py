@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from pnabs import settings
 from pnabs.formats import Abstraction
 from pnabs.geometry.difference import difference_volume
-from pnabs.geometry.fields import compute_fields
+from pnabs.geometry.fields import Fields, compute_fields
 from pnabs.geometry.fit.build import Terms
 from pnabs.geometry.fit.fit import Fitted, FittedLevel, fit
 from pnabs.geometry.metrics import iou, measure, predicted_occupancy
@@ -49,6 +50,11 @@ class Shape:
     surface: Float32
     transform: Float64
     mirror: int
+
+    @classmethod
+    def of(cls, fields: Fields) -> Shape:
+        """What ingest computes of a mesh, as far as it is needed."""
+        return cls(**{one.name: getattr(fields, one.name) for one in dataclass_fields(cls)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,14 +305,7 @@ class Abstractor:
         job = self._job
         rng = model_rng(job.seed, "ingest", category, model_id)
         fields = compute_fields(mesh, job.ingest, job.dataset.layout, rng)
-        shape = Shape(
-            fields.occupancy,
-            fields.occupancy_64,
-            fields.sdf,
-            fields.surface,
-            fields.transform,
-            fields.mirror,
-        )
+        shape = Shape.of(fields)
         (prediction,) = self._predictor(shape.occupancy[None], shape.sdf[None])
         return finish(
             prediction,

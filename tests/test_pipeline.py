@@ -35,14 +35,7 @@ def table() -> Shape:
     placed = Mesh(mesh.vertices + np.array([5.0, 0, 0]), np.asarray(mesh.faces))
     options = Ingest(surface_points=4000, interior_points=64)
     fields = compute_fields(placed, options, "folder", np.random.default_rng(0))
-    return Shape(
-        fields.occupancy,
-        fields.occupancy_64,
-        fields.sdf,
-        fields.surface,
-        fields.transform,
-        fields.mirror,
-    )
+    return Shape.of(fields)
 
 
 def finished(

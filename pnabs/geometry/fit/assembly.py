@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pnabs.geometry.fit.bits import SIDE, Bits, count, nothing
-from pnabs.geometry.fit.box import is_aligned, paint
+from pnabs.geometry.fit.box import Field, is_aligned, paint
 from pnabs.geometry.fit.search import search, worth
 from pnabs.geometry.types import Float64
 
@@ -175,21 +175,23 @@ class Assembly:
         union = self.total + 2 * count(cells) - hits
         return hits / union if union else 0.0
 
-    def field(self, sign: int, but: int = -1) -> tuple[Bits, Bits, Bits]:
-        """The target's two sets and all cells, where a box of that sign decides alone."""
+    def field(self, sign: int, but: int = -1) -> Field:
+        """Where a box of that sign decides alone, one box left out."""
         added, removed = self.covered(but)
-        free = ~(added | removed) if sign > 0 else added & ~removed
-        return self.target.near & free, self.target.far & free, free
+        return self._within(~(added | removed) if sign > 0 else added & ~removed)
+
+    def _within(self, free: Bits) -> Field:
+        target = self.target
+        return Field(target.near & free, target.far & free, free, target.low)
 
     def gain(self, index: int, rate: float, *, sure: bool = False) -> float:
         """What a box adds to the whole: its `worth` beside all others, by sure cells or all."""
         box = self.boxes[index]
-        near, far, free = self.field(box.sign, index)
+        field = self.field(box.sign, index)
         if sure:
-            near, far, free = (bits & self.target.sure for bits in (near, far, free))
-        low = self.target.low
-        folded = low > 0 and not box.centred
-        return float(worth(*box[:3], near, far, free, low, rate, box.sign, folded))
+            field = self._within(field.free & self.target.sure)
+        folded = field.low > 0 and not box.centred
+        return float(worth(*box[:3], field, rate, box.sign, folded))
 
     def refine(self, rate: float, step: float, least: float, fee: float) -> None:
         """Improve each box in turn that isn't at its best beside the others already.
@@ -233,7 +235,7 @@ class Assembly:
     def searched(
         self,
         box: Box,
-        field: tuple[Bits, Bits, Bits],
+        field: Field,
         rate: float,
         step: float,
         least: float,
@@ -243,9 +245,7 @@ class Assembly:
         """What pattern search makes of a box, and its worth."""
         new = box._replace(centre=box.centre.copy(), axes=box.axes.copy(), half=box.half.copy())
         turns = min(turns, 1) if box.centred else turns
-        value = search(
-            *new[:3], *field, self.target.low, rate, box.sign, step, least, turns, box.centred
-        )
+        value = search(*new[:3], field, rate, box.sign, step, least, turns, box.centred)
         return new, float(value)
 
     def _paint(self, box: Box) -> Bits:

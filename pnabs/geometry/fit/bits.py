@@ -68,7 +68,7 @@ def eroded(bits: Bits, low: int) -> Bits:
         32 if the grid is one half of a mirrored one: the neighbour of a cell at the plane is
         then its own mirror image.  Else 0.
     """
-    up, down = np.uint64(1), np.uint64(1)
+    one = np.uint64(1)
     out = np.zeros_like(bits)
     for x in range(low, 63):
         before = x if x == low and low > 0 else x - 1
@@ -77,7 +77,7 @@ def eroded(bits: Bits, low: int) -> Bits:
         for y in range(1, 63):
             word = bits[x, y]
             if word:
-                word = word & (word << up) & (word >> down)
+                word = word & (word << one) & (word >> one)
                 word = word & bits[before, y] & bits[x + 1, y]
                 out[x, y] = word & bits[x, y - 1] & bits[x, y + 1]
     return out

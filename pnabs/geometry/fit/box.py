@@ -7,6 +7,7 @@ centre (3,), its axes (3, 3) as columns of a rotation, and half its sides (3,).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -69,16 +70,26 @@ def _column(centre: Float64, slabs: Float64, x: int, y: int) -> np.uint64:
     return span(low, high) if low <= high else np.uint64(0)
 
 
+class Field(NamedTuple):
+    """Where a box decides alone, and what is right there.
+
+    Attributes
+    ----------
+    near, far, free : (64, 64) uint64
+        All cells that it decides, `free`, and which of them two shapes have.
+    low : int
+        Cells with a lesser x don't count.
+    """
+
+    near: Bits
+    far: Bits
+    free: Bits
+    low: int
+
+
 @kernel
 def tally(
-    centre: Float64,
-    axes: Float64,
-    half: Float64,
-    near: Bits,
-    far: Bits,
-    free: Bits,
-    low: int,
-    folded: bool,
+    centre: Float64, axes: Float64, half: Float64, field: Field, folded: bool
 ) -> tuple[int, int]:
     """Cells of the box that are in `near` and `far`, and twice those that are in `free`.
 
@@ -86,10 +97,7 @@ def tally(
     ----------
     centre, axes, half
         The box.
-    near, far, free : (64, 64) uint64
-        Subsets `near` and `far` of `free`.
-    low : int
-        Cells with a lesser x don't count.
+    field : Field
     folded : bool
         The box's image in the plane x = 31.5 counts too, each cell once.
 
@@ -106,7 +114,7 @@ def tally(
     aligned, whole = is_aligned(axes), span(z0, z1)
     slabs = _slabs(axes, half)
     end = max(last_x, 63 - first_x) if folded else last_x
-    for x in range(max(first_x, low), end + 1):
+    for x in range(max(first_x, field.low), end + 1):
         itself = first_x <= x <= last_x
         image = folded and first_x <= 63 - x <= last_x
         if not (itself or image):
@@ -119,8 +127,8 @@ def tally(
                     mask = _column(centre, slabs, x, y)
                 if image:
                     mask |= _column(centre, slabs, 63 - x, y)
-            cells += ones(free[x, y] & mask)
-            hits += ones(near[x, y] & mask) + ones(far[x, y] & mask)
+            cells += ones(field.free[x, y] & mask)
+            hits += ones(field.near[x, y] & mask) + ones(field.far[x, y] & mask)
     return hits, 2 * cells
 
 

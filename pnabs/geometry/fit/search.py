@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pnabs.geometry.fit.bits import Bits
-from pnabs.geometry.fit.box import tally
+from pnabs.geometry.fit.box import Field, tally
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.types import Float64
 
@@ -20,10 +19,7 @@ def worth(
     centre: Float64,
     axes: Float64,
     half: Float64,
-    near: Bits,
-    far: Bits,
-    free: Bits,
-    low: int,
+    field: Field,
     rate: float,
     sign: int,
     folded: bool,
@@ -34,7 +30,7 @@ def worth(
     rate, and loses what it takes from the shape.  With the rate at the IoU reached, what
     raises this raises the IoU (Dinkelbach's method for fractions).
     """
-    hits, cells = tally(centre, axes, half, near, far, free, low, folded)
+    hits, cells = tally(centre, axes, half, field, folded)
     return sign * (hits - rate * (cells - hits))
 
 
@@ -55,10 +51,7 @@ def search(
     centre: Float64,
     axes: Float64,
     half: Float64,
-    near: Bits,
-    far: Bits,
-    free: Bits,
-    low: int,
+    field: Field,
     rate: float,
     sign: int,
     step: float,
@@ -75,7 +68,7 @@ def search(
     ----------
     centre, axes, half
         The box; changed.
-    near, far, free, low, rate, sign
+    field, rate, sign
         As `worth`.
     step, least : float
         The first step and the last, in cells (turns: at the box's far end).
@@ -85,8 +78,8 @@ def search(
         The box's first axis is the grid's, and its centre stays where it is along it: sides
         change in pairs.  It may turn about that axis alone.
     """
-    folded = low > 0 and not centred
-    best = worth(centre, axes, half, near, far, free, low, rate, sign, folded)
+    folded = field.low > 0 and not centred
+    best = worth(centre, axes, half, field, rate, sign, folded)
     moved, resized = centre.copy(), half.copy()
     while step >= least:
         improved = False
@@ -108,9 +101,7 @@ def search(
                             resized[k] += change / 2
                             if resized[k] < LEAST_HALF:
                                 break
-                        value = worth(
-                            moved, axes, resized, near, far, free, low, rate, sign, folded
-                        )
+                        value = worth(moved, axes, resized, field, rate, sign, folded)
                         if value <= best + 1e-6:
                             break
                         best, went, improved = value, True, True
@@ -126,7 +117,7 @@ def search(
                 went = False
                 while True:
                     turned = turn(axes, k, angle)
-                    value = worth(centre, turned, half, near, far, free, low, rate, sign, folded)
+                    value = worth(centre, turned, half, field, rate, sign, folded)
                     if value <= best + 1e-6:
                         break
                     best, went, improved = value, True, True

@@ -105,7 +105,7 @@ def test_search_never_makes_a_box_worse_and_says_what_it_is_worth(
     better, value = assembly.searched(start, field, 0.8, 2.0, 0.5)
 
     def worth_of(box: Box) -> float:
-        return float(worth(*box[:3], *field, 0, 0.8, sign, False))
+        return float(worth(*box[:3], field, 0.8, sign, False))
 
     assert value == pytest.approx(worth_of(better))
     assert value >= worth_of(start)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pnabs.geometry.fit import bits
 from pnabs.geometry.fit.assembly import PLANE, Box
-from pnabs.geometry.fit.box import is_aligned, tally
+from pnabs.geometry.fit.box import Field, is_aligned, tally
 from pnabs.geometry.types import Bool
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -52,8 +52,8 @@ def test_tally_counts_the_cells_of_the_box_and_its_image_once(
     if folded:
         inside = inside | inside[::-1]
     inside[:low] = False
-    grids = bits.pack(near), bits.pack(far), bits.pack(free)
-    hits, cells = tally(box.centre, box.axes, box.half, *grids, low, folded)
+    field = Field(bits.pack(near), bits.pack(far), bits.pack(free), low)
+    hits, cells = tally(box.centre, box.axes, box.half, field, folded)
     assert hits == np.count_nonzero(near & inside) + np.count_nonzero(far & inside)
     assert cells == 2 * np.count_nonzero(free & inside)
 
