@@ -13,7 +13,6 @@ import numpy as np
 from pnabs.formats.abstraction import Abstraction
 from pnabs.formats.gltf_document import GltfDocument
 from pnabs.formats.json_format import VERSION, cuboid_records
-from pnabs.geometry.crop import to_float32
 from pnabs.geometry.parts import cropped_parts
 
 
@@ -70,7 +69,7 @@ def to_parts(abstraction: Abstraction) -> bytes:
     for number, part in enumerate(parts):
         before = sum(other.source == part.source for other in parts[:number])
         name = f"positive {part.source}" + (f" part {before + 1}" if before else "")
-        vertices, count = to_float32(part.vertices), len(part.faces)
+        vertices, count = part.vertices.astype(np.float32), len(part.faces)
         mesh = document.add_mesh(name, vertices, part.faces, [count], [part.source])
         children.append(document.add_node({"name": name, "mesh": mesh}))
     if children:

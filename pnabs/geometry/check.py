@@ -11,8 +11,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pnabs.geometry.types import Float32
+
+APART = 2e-8
+"""Vertices nearer than this are one to other programs, which weld by place.  Float32 tells them
+apart near 0, where mirrored boxes meet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +33,7 @@ class CheckReport:
     self_intersections : int
         Faces that meet others elsewhere than along common edges and vertices.
     duplicate_vertices : int
-        Vertices at the place of another.
+        Vertices at the place of another, or nearer to one than `APART`.
     unreferenced_vertices : int
         Vertices without a face.
     degenerate_faces : int
@@ -98,11 +103,12 @@ def check(vertices: Float32, faces: NDArray[np.integer]) -> CheckReport:
     crossing = meshes.current_mesh().selected_face_number()
     a, b, c = (exact[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    close = cKDTree(exact).query_pairs(APART, output_type="ndarray")
     return CheckReport(
         closed=topology["boundary_edges"] == 0,
         two_manifold=bool(topology["is_mesh_two_manifold"]),
         self_intersections=int(crossing),
-        duplicate_vertices=len(exact) - len(np.unique(exact, axis=0)),
+        duplicate_vertices=len(np.unique(close[:, 1])),
         unreferenced_vertices=int(topology["unreferenced_vertices"]),
         degenerate_faces=int(np.count_nonzero(area == 0)),
         components=int(topology["connected_components_number"]),

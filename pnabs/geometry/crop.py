@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from pnabs.geometry import cuboid, quaternion
 from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Int64
 
-STEP = 2.0**-24
-"""Coordinates that are written are multiples of it: float32's own step between 1/2 and 1."""
-
 
 @dataclass(frozen=True, slots=True)
 class CropResult:
@@ -205,17 +202,8 @@ def difference(added: list[Manifold], removed: list[Manifold]) -> Manifold:
 
 
 def to_float32_mesh(result: CropResult) -> tuple[Float32, NDArray[np.int32]]:
-    """What is written: vertices (V, 3) float32 (`to_float32`) and faces (F, 3) int32."""
-    return to_float32(result.vertices), result.faces.astype(np.int32)
-
-
-def to_float32(vertices: Float64) -> Float32:
-    """Vertices (V, 3) as they are written, in multiples of `STEP`.
-
-    Near 0 float32 is finer by far, and would tell vertices apart that other programs take for
-    one: those of mirrored boxes, where they meet on the mirror plane.
-    """
-    return (np.round(vertices / STEP) * STEP).astype(np.float32)
+    """What is written: vertices (V, 3) float32 and faces (F, 3) int32."""
+    return result.vertices.astype(np.float32), result.faces.astype(np.int32)
 
 
 def _boxes(

@@ -101,6 +101,16 @@ def test_overlapping_shells_intersect() -> None:
     assert not report.ok
 
 
+@pytest.mark.parametrize(("gap", "number"), [(0.0, 1), (1e-9, 1), (5e-8, 0)])
+def test_vertices_that_others_weld_are_duplicates(gap: float, number: int) -> None:
+    corners = np.eye(4, 3, dtype=np.float32)
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    other = corners - np.float32([0.5, 0.5, 0.5])
+    other[3] = corners[3] + np.float32([0, 0, -gap])
+    report = check(np.concatenate([corners, other]), np.concatenate([faces, faces + 4]))
+    assert report.duplicate_vertices == number
+
+
 def test_boxes_that_share_an_edge_have_duplicate_vertices() -> None:
     mesh = cuboid.to_mesh(
         axis_aligned(([0.5, 0.5, 0.5], [0.25, 0.25, 0]), ([0.5, 0.5, 0.5], [-0.25, -0.25, 0]))

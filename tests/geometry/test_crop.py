@@ -138,17 +138,6 @@ def test_written_types() -> None:
     assert faces.dtype == np.int32
 
 
-def test_vertices_that_others_would_take_for_one_are_one_and_found() -> None:
-    """Two that mirror each other in x, and meet on the plane."""
-    one = Cuboids.from_vector(np.array([[0.5, 0.2, 0.2, 0.95, 0, 0, 0.3, 0.2, 0, 0]]))
-    turned = one.rotation * np.array([1, 1, -1, -1], dtype=np.float32)
-    both = one.joined(Cuboids(one.scale, turned, one.translation * np.float32([-1, 1, 1])))
-    vertices, _ = to_float32_mesh(crop(both, Cuboids.empty(), min_side=2e-3))
-    gaps = np.linalg.norm(vertices[:, None].astype(float) - vertices[None], axis=2)
-    assert not np.any((gaps > 0) & (gaps < 5e-8))
-    np.testing.assert_array_equal(vertices * 2.0**24, np.round(vertices * 2.0**24))
-
-
 ONE_THREAD = """
 import os, numpy as np
 from pnabs.geometry.crop import crop
