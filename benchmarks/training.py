@@ -19,6 +19,7 @@ from pnabs.geometry import cuboid
 from pnabs.geometry.types import Cuboids, grid_points
 from pnabs.model.data import Batch, TrainingSet
 from pnabs.model.losses import TERMS, View
+from pnabs.model.memory import keep_freed_memory
 from pnabs.model.network import CuboidNetwork
 from pnabs.model.objective import Module, Objective, Phase, make_optimizer
 
@@ -120,6 +121,7 @@ def parts(module: Module, phase: Phase, dataset: TrainingSet, repeats: int) -> d
 def main(repeats: int) -> None:
     """Print the tables of benchmarks/training.md."""
     torch.set_num_threads(1)
+    keep_freed_memory()
     dataset = shapes(BATCH)
     for module in ("positive", "negative"):
         for phase in ("initial", "refinement"):

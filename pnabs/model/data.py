@@ -102,6 +102,11 @@ class TrainingSet:
             total += np.unpackbits(self.occupancy[start : start + 1024], axis=1).sum(axis=0)
         return (total / max(len(self), 1)).reshape(RESOLUTION, RESOLUTION, RESOLUTION)
 
+    def occupancies(self) -> NDArray[np.bool_]:
+        """The shapes' grids, (n, 32, 32, 32)."""
+        bits = np.unpackbits(self.occupancy, axis=1).astype(bool)
+        return bits.reshape(-1, RESOLUTION, RESOLUTION, RESOLUTION)
+
     def batch(
         self,
         indices: NDArray[np.int64],

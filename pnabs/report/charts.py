@@ -21,6 +21,9 @@ from .text import plain
 _SERIES = 7
 """Distinct line colours of the style sheet, --s1 to --s7."""
 
+VALIDATION = "iou_32"
+"""Among an epoch's losses, the IoU of validation models."""
+
 
 def _svg(width: float, height: float, label: str, parts: Sequence[Markup]) -> Markup:
     head = Markup('<svg class="chart" viewBox="0 0 {:g} {:g}" role="img" aria-label="{}">')
@@ -81,7 +84,7 @@ def _positive_series(records: Sequence[Mapping[str, float]]) -> tuple[list[_Seri
     names = [
         name
         for name in dict.fromkeys(key for record in records for key in record)
-        if name != "epoch"
+        if name not in ("epoch", VALIDATION)
     ]
     series, flat = [], []
     for name in sorted(names, key=lambda name: name == "total"):
@@ -132,16 +135,89 @@ def loss_chart(
     Markup
         An `svg` element.
     """
-    width, height, left, right, top, bottom = 460.0, 270.0, 60.0, 104.0, 28.0, 38.0
-    parts = [_text(left, 15, title, style="title")]
     series, flat = _positive_series(records)
+    note = f"zero: {', '.join(flat)}" if flat else ""
+    order = list(dict.fromkeys([*terms, *(s.name for s in series)]))
+    label = f"Losses, {title}"
     if not series:
-        parts.append(_text(width / 2, height / 2, "no losses above zero", "middle", "muted"))
-        return _svg(width, height, f"Losses, {title}", parts)
-    epochs = np.concatenate([s.epochs for s in series])
+        return _empty_chart(title, label, "no losses above zero")
     values = np.concatenate([s.values for s in series])
-    first, last = float(epochs.min()), float(epochs.max())
     low, high = float(values.min()) / 1.15, float(values.max()) * 1.15
+    return _epochs_chart(title, label, series, order, _Axis("loss", low, high, True), note)
+
+
+def validation_chart(phases: Mapping[str, Sequence[Mapping[str, float]]]) -> Markup | None:
+    """IoU of validation models over the epochs of each phase, per cent.
+
+    Parameters
+    ----------
+    phases : mapping of phase to records
+        One record an epoch: `epoch`, and `iou_32` where validation models were measured.
+
+    Returns
+    -------
+    Markup or None
+        An `svg` element, where anything was measured.
+    """
+    series = []
+    for name, records in phases.items():
+        pairs = np.array([(r["epoch"], 100 * r[VALIDATION]) for r in records if VALIDATION in r])
+        if len(pairs):
+            series.append(_Series(name, pairs[:, 0], pairs[:, 1]))
+    if not series:
+        return None
+    highest = max(float(s.values.max()) for s in series)
+    axis = _Axis("IoU at 32³, %", 0.0, min(100.0, 1.1 * highest + 1), False)
+    title = "validation models"
+    return _epochs_chart(title, f"IoU of {title}", series, list(phases), axis)
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """A vertical axis."""
+
+    label: str
+    low: float
+    high: float
+    logarithmic: bool
+
+    def height(self, value: Float64 | float) -> Float64:
+        """Where a value stands, 0 at the bottom to 1 at the top."""
+        if self.logarithmic:
+            return np.log(np.asarray(value) / self.low) / math.log(self.high / self.low)
+        return (np.asarray(value) - self.low) / (self.high - self.low)
+
+    @property
+    def ticks(self) -> list[float]:
+        """Round values."""
+        return (log_ticks if self.logarithmic else linear_ticks)(self.low, self.high)
+
+
+_EPOCHS_SIZE = 460.0, 270.0
+
+
+def _empty_chart(title: str, label: str, reason: str) -> Markup:
+    width, height = _EPOCHS_SIZE
+    parts = [
+        _text(60.0, 15, title, style="title"),
+        _text(width / 2, height / 2, reason, "middle", "muted"),
+    ]
+    return _svg(width, height, label, parts)
+
+
+def _epochs_chart(
+    title: str,
+    label: str,
+    series: Sequence[_Series],
+    order: Sequence[str],
+    axis: _Axis,
+    note: str = "",
+) -> Markup:
+    """Lines over epochs, each named at its end; `order` gives the colours by name."""
+    (width, height), left, right, top, bottom = _EPOCHS_SIZE, 60.0, 104.0, 28.0, 38.0
+    parts = [_text(left, 15, title, style="title")]
+    epochs = np.concatenate([s.epochs for s in series])
+    first, last = float(epochs.min()), float(epochs.max())
 
     def at_x(epoch: Float64 | float) -> Float64:
         share = (
@@ -152,11 +228,9 @@ def loss_chart(
         return left + (width - left - right) * share
 
     def at_y(value: Float64 | float) -> Float64:
-        return top + (height - top - bottom) * np.log(high / np.asarray(value)) / math.log(
-            high / low
-        )
+        return top + (height - top - bottom) * (1 - axis.height(value))
 
-    for tick in log_ticks(low, high):
+    for tick in axis.ticks:
         y = float(at_y(tick))
         parts += [_line(left, y, width - right, y), _text(left - 6, y + 3.5, f"{tick:g}", "end")]
     for tick in linear_ticks(first, last, 5):
@@ -164,12 +238,10 @@ def loss_chart(
             parts.append(_text(float(at_x(tick)), height - bottom + 15, f"{tick:g}", "middle"))
     parts.append(_line(left, height - bottom, width - right, height - bottom, "axis"))
     parts.append(_text((left + width - right) / 2, height - 6, "epoch", "middle", "muted"))
-    middle = (top + height - bottom) / 2
-    parts.append(_upright(middle, "loss"))
+    parts.append(_upright((top + height - bottom) / 2, axis.label))
     ends = [float(at_y(s.values[-1])) for s in series]
     labels = _spread(ends, 13.0, top + 4, height - bottom)
-    order = list(dict.fromkeys([*terms, *(s.name for s in series)]))
-    for s, end, label in zip(series, ends, labels, strict=True):
+    for s, end, place in zip(series, ends, labels, strict=True):
         colour = "s-total" if s.name == "total" else f"s{order.index(s.name) % _SERIES + 1}"
         path = "M" + "L".join(
             f"{x:.1f} {y:.1f}" for x, y in zip(at_x(s.epochs), at_y(s.values), strict=True)
@@ -177,10 +249,10 @@ def loss_chart(
         x = float(at_x(s.epochs[-1]))
         parts.append(Markup('<path class="line {}" d="{}"/>').format(colour, path))
         parts.append(_circle(f"dot {colour}", x, end, 2.4))
-        parts.append(_text(width - right + 8, label + 3.5, s.name[:18], style=f"label {colour}"))
-    if flat:
-        parts.append(_text(width - 4, 15, f"zero: {', '.join(flat)}", "end", "muted"))
-    return _svg(width, height, f"Losses, {title}", parts)
+        parts.append(_text(width - right + 8, place + 3.5, s.name[:18], style=f"label {colour}"))
+    if note:
+        parts.append(_text(width - 4, 15, note, "end", "muted"))
+    return _svg(width, height, label, parts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

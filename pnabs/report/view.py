@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from .charts import Strip, gain_chart, loss_chart, strip_chart
+from .charts import VALIDATION, Strip, gain_chart, loss_chart, strip_chart, validation_chart
 from .data import Quarantined, ReportData, StageTiming
 from .measures import read_models
 from .tables import Row, Table, Tables
@@ -172,12 +172,14 @@ def iou_charts(data: ReportData) -> list[Markup]:
 
 
 def loss_charts(data: ReportData) -> list[Markup]:
-    """A chart a training phase."""
+    """A chart a training phase, and one of the validation models' IoU where there are any."""
     names = dict.fromkeys(
         key for records in data.curves.values() for record in records for key in record
     )
-    terms = [name for name in names if name not in ("epoch", "total")]
-    return [loss_chart(phase, records, terms) for phase, records in data.curves.items()]
+    terms = [name for name in names if name not in ("epoch", "total", VALIDATION)]
+    charts = [loss_chart(phase, records, terms) for phase, records in data.curves.items()]
+    validation = validation_chart(data.curves)
+    return charts if validation is None else [*charts, validation]
 
 
 def failures(data: ReportData) -> tuple[list[tuple[str, str]], list[Quarantined]]:

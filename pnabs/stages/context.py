@@ -50,8 +50,8 @@ class Context:
     kept_weights
         Fingerprints of the training phases whose weights the user kept, from run.json.
     training
-        The models that train by the stage that names them, as last found, with the ledger's
-        state then; see `phases.training_models`.
+        The models of a split by the stage that names them and the split, as last found, with
+        the ledger's state then; see `phases.training_models`.
     problems
         What went wrong without stopping the run, to be told at its end.
     """
@@ -70,7 +70,9 @@ class Context:
     owns_ray: Callable[[], bool] = lambda: False
     token: str = ""
     kept_weights: dict[str, str] = field(default_factory=dict)
-    training: dict[str, tuple[tuple[int, int], TrainingModels]] = field(default_factory=dict)
+    training: dict[tuple[str, str], tuple[tuple[int, int], TrainingModels]] = field(
+        default_factory=dict
+    )
     problems: list[str] = field(default_factory=list)
 
     def home(self, stage: str, variant: str) -> Variant:

@@ -27,6 +27,8 @@ WEIGHTS = "weights.safetensors"
 CURVES = "curves.json"
 RECORD = "record.json"
 PHASES = ("initial", "refinement")
+VALIDATION_MODELS = 64
+"""Models at most whose IoU is measured after each epoch."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +41,8 @@ class PhasePlan:
         The variant in whose folder it lies.
     volumes
         The variant in whose folder the difference volumes lie.
+    validation
+        Models of the validation split that are measured after each epoch; they change nothing.
     inherits
         Weights of the initial phase that refinement starts from.
     """
@@ -50,6 +54,7 @@ class PhasePlan:
     phase: str
     fingerprint: str
     models: TrainingModels
+    validation: TrainingModels
     inherits: Path | None
 
     @property
@@ -98,6 +103,7 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     volumes = context.home("difference", variant)
     recipe = recipe_digest(stage, job)
     models = training_models(context, variant, module)
+    validation = training_models(context, variant, module, "val").few(VALIDATION_MODELS)
     plans: list[PhasePlan] = []
     before = None
     for phase in PHASES:
@@ -105,7 +111,9 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
         mark = fingerprint(recipe, inputs)
         mark = context.kept_weights.get(kept_key(recipe, phase), mark)
         inherits = plans[-1].folder / WEIGHTS if plans else None
-        plans.append(PhasePlan(job, home, volumes, module, phase, mark, models, inherits))
+        plans.append(
+            PhasePlan(job, home, volumes, module, phase, mark, models, validation, inherits)
+        )
         before = mark
     return plans
 
@@ -156,20 +164,23 @@ def _last_finished(checkpoints: Path, recipe: str) -> Path | None:
     return max(found)[1] if found else None
 
 
-def training_models(context: Context, variant: str, module: str) -> TrainingModels:
-    """The models that train a module: of the training split, come through so far.
+def training_models(
+    context: Context, variant: str, module: str, split: str = "train"
+) -> TrainingModels:
+    """The models that train a module, or of another split: those that came through so far.
 
     For the negative module only those whose difference volume isn't empty.
     """
     ledger, source = context.run.ledger, source_stage(context, variant, module)
     state = ledger.generation("ingest"), ledger.generation(source)
-    known = context.training.get(source)
+    known = context.training.get((source, split))
     if known is None or known[0] != state:
-        known = context.training[source] = state, _training_models(context, source)
+        known = state, _training_models(context, source, split)
+        context.training[source, split] = known
     return known[1]
 
 
-def _training_models(context: Context, source: str) -> TrainingModels:
+def _training_models(context: Context, source: str, split: str) -> TrainingModels:
     ingested, last = (context.run.ledger.index(stage) for stage in ("ingest", source))
     chosen = []
     inputs = hashlib.sha256()
@@ -178,7 +189,7 @@ def _training_models(context: Context, source: str) -> TrainingModels:
         if first is None or entry is None:
             continue
         gone = {*dict(first.fallen), *dict(entry.fallen), *entry.empty}
-        rows = context.shards.chosen(number, ("train",), gone)
+        rows = context.shards.chosen(number, (split,), gone)
         if len(rows):
             chosen.append((shard, rows))
             inputs.update(f"{shard} {entry.digest} {len(rows)}\n".encode())

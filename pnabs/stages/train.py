@@ -142,7 +142,7 @@ def _follow(
             return
         epoch = watch.look()
         if epoch is not None:
-            tracker.update(epoch["epoch"] + 1, f"loss={epoch['total']:.5f}")
+            tracker.update(epoch["epoch"] + 1, _figures(epoch))
         signal_number = context.interrupted()
         if signal_number is None and not watch.lost:
             continue
@@ -157,6 +157,12 @@ def _follow(
             f"stopped in phase {plan.name}; it goes on from its last checkpoint",
             128 + signal_number,
         )
+
+
+def _figures(epoch: dict[str, Any]) -> str:
+    """An epoch's loss, and the IoU of validation models where there are any."""
+    iou = epoch["iou"]
+    return f"loss={epoch['total']:.5f}" + ("" if iou is None else f" validation-iou={iou:.3f}")
 
 
 def _result(fitting: Any, plan: PhasePlan) -> None:

@@ -35,6 +35,8 @@ def train_loop(config: dict[str, Any]) -> None:
     import torch
     from ray.train.torch import get_device
 
+    from pnabs.model.memory import keep_freed_memory
+
     plans: list[PhasePlan] = config["plans"]
     job = plans[0].job
     worker = ray.train.get_context()
@@ -45,6 +47,7 @@ def train_loop(config: dict[str, Any]) -> None:
         config["token"],
     )
     torch.set_num_threads(job.runtime.threads)
+    keep_freed_memory()
     dataset = None
     for plan in plans:
         # Where the workers were started again, the first may be done; all must see it so.
@@ -57,8 +60,9 @@ def train_loop(config: dict[str, Any]) -> None:
                 RunFolder(job.out), plan.volumes, job, plan.module, plan.models,
                 rank=place.rank, world=place.world, on_shard=alive.reading,
             )  # fmt: skip
+            shown = _validation_set(plan)
         events("data", phase=plan.name, models=len(dataset), bytes=dataset.nbytes)
-        _train_phase(plan, dataset, place, events, alive)
+        _train_phase(plan, dataset, shown, place, events, alive)
         events.close()
 
 
@@ -82,7 +86,12 @@ class _Place:
 
 
 def _train_phase(
-    plan: PhasePlan, dataset: TrainingSet, place: _Place, events: EventLog, alive: _Alive
+    plan: PhasePlan,
+    dataset: TrainingSet,
+    shown: torch.Tensor,
+    place: _Place,
+    events: EventLog,
+    alive: _Alive,
 ) -> None:
     import resource
 
@@ -94,6 +103,7 @@ def _train_phase(
     from pnabs.model.objective import Objective, make_optimizer
     from pnabs.model.start import start_points
     from pnabs.model.trainer import epoch_order, train_epoch
+    from pnabs.model.validate import validation_iou
 
     job, training = plan.job, plan.job.training
     rank, world, device = place.rank, place.world, place.device
@@ -129,10 +139,19 @@ def _train_phase(
             mean = torch.tensor(list(losses.values()), dtype=torch.float64, device=device) / world
             torch.distributed.all_reduce(mean)
             losses = dict(zip(losses, mean.tolist(), strict=True))
+        if len(shown):
+            iterations = training.iterations if plan.phase == "refinement" else 0
+            mine = shown[rank::world]
+            ious = validation_iou(network, mine, iterations, job.abstract.min_side, device)
+            total = ious.sum().to(device)
+            if world > 1:
+                torch.distributed.all_reduce(total)
+            losses["iou_32"] = float(total) / len(shown)
         curves.append({"epoch": epoch, **losses})
         if rank != 0:
             continue
-        events("epoch", phase=plan.name, epoch=epoch, total=losses["total"])
+        told = {"total": losses["total"], "iou": losses.get("iou_32")}
+        events("epoch", phase=plan.name, epoch=epoch, **told)
         last = epoch + 1 == training.epochs
         if not last and (epoch + 1) % job.runtime.checkpoint_epochs == 0:
             # One that outlived its driver must not write between its successor's files.
@@ -148,6 +167,19 @@ def _train_phase(
         torch.distributed.barrier()
     if rank == 0:
         events("finished", phase=plan.name)
+
+
+def _validation_set(plan: PhasePlan) -> torch.Tensor:
+    """Occupancies (V, 32, 32, 32) bool of the models that are measured after each epoch."""
+    import torch
+
+    if not plan.validation.count:
+        return torch.zeros((0, 32, 32, 32), dtype=torch.bool)
+    dataset = load_training_set(
+        RunFolder(plan.job.out), plan.volumes, plan.job, plan.module, plan.validation,
+        rank=0, world=1,
+    )  # fmt: skip
+    return torch.from_numpy(dataset.occupancies())
 
 
 def _finish(plan: PhasePlan, network: CuboidNetwork, curves: list[dict[str, Any]]) -> None:

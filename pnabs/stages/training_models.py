@@ -1,4 +1,4 @@
-"""Which models train a module."""
+"""Which models train a module, and which show how well it does."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingModels:
-    """The models that train a module: rows of shards, and a digest of what they are.
+    """Models of one split: rows of shards, and a digest of what they are.
 
     Attributes
     ----------
@@ -25,6 +25,17 @@ class TrainingModels:
     def count(self) -> int:
         """Models in all."""
         return sum(len(rows) for _, rows in self.shards)
+
+    def few(self, most: int) -> TrainingModels:
+        """At most so many of them, evenly chosen."""
+        chosen = np.unique(np.linspace(0, self.count - 1, min(most, self.count)).round())
+        shards, first = [], 0
+        for shard, rows in self.shards:
+            here = chosen[(chosen >= first) & (chosen < first + len(rows))] - first
+            if len(here):
+                shards.append((shard, rows[here.astype(np.int64)]))
+            first += len(rows)
+        return TrainingModels(tuple(shards), self.digest)
 
     def part(self, rank: int, world: int) -> list[tuple[str, NDArray[np.int32]]]:
         """The rows one of `world` workers holds: every `world`-th, as many for each.

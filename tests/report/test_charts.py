@@ -18,6 +18,7 @@ from pnabs.report.charts import (
     log_ticks,
     loss_chart,
     strip_chart,
+    validation_chart,
 )
 
 
@@ -125,3 +126,29 @@ def test_names_cannot_leave_their_text():
     assert "<script" not in chart
     assert "</svg><b" not in chart
     assert '<script>"' in texts(chart)
+
+
+def test_validation_iou_has_a_chart_of_its_own_and_a_line_a_phase():
+    records = {
+        "positive-initial": [{"epoch": e, "total": 1.0, "iou_32": 0.1 * e} for e in range(4)],
+        "positive-refinement": [{"epoch": e, "total": 1.0, "iou_32": 0.5} for e in range(4)],
+        "negative-initial": [{"epoch": 0, "total": 1.0}],
+    }
+    chart = validation_chart(records)
+    assert chart is not None
+    assert chart.count("<path") == 2
+    assert "positive-initial" in chart
+    assert "negative-initial" not in chart
+    assert "iou_32" not in loss_chart("positive-initial", records["positive-initial"])
+    # 0 %, 10, 20 and 30 stand at equal heights above each other; 50 is level.
+    lines = [
+        np.array(points.replace("L", " ").split(), float)[1::2]
+        for points in re.findall(r' d="M([^"]*)"', chart)
+    ]
+    assert np.ptp(np.diff(lines[0])) < 0.2
+    assert np.ptp(lines[1]) == 0
+    assert lines[1][0] < lines[0][-1] < lines[0][0]
+
+
+def test_without_validation_models_there_is_no_such_chart():
+    assert validation_chart({"positive-initial": [{"epoch": 0, "total": 1.0}]}) is None

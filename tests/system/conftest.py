@@ -14,7 +14,7 @@ from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Result, run_job
 
 JOB = """
-dataset: {{root: {root}, layout: shapenet-v2, shard_size: 4}}
+dataset: {{root: {root}, layout: shapenet-v2, shard_size: 4, val_share: 0.2}}
 out: {out}
 ingest: {{surface_points: 2000, interior_points: 500}}
 network: {{positives: 6, negatives: 4, channels: [4, 4, 8, 8, 16], hidden: 32}}

@@ -54,7 +54,9 @@ def test_the_run_folder_is_as_designed(finished: tuple[Path, Result]) -> None:
         curves = json.loads((folder / "curves.json").read_text())
         assert [point["epoch"] for point in curves] == [0, 1, 2, 3]
         assert all(np.isfinite(point["total"]) for point in curves)
+        assert all(0 <= point["iou_32"] <= 1 for point in curves)
     page = (run / "report/index.html").read_text()
+    assert "IoU of validation models" in page
     assert page.startswith("<!doctype html>") or page.startswith("<!DOCTYPE html>")
     assert json.loads((run / "report/tables.json").read_text())
 

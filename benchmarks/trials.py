@@ -1,0 +1,346 @@
+"""Trials of training: one change each from the default recipe, scored on validation models.
+
+    python -m benchmarks.trials --run RUN --samples SAMPLES [--only NAME]... [--out TABLE.jsonl]
+
+RUN and SAMPLES are run folders of which `ingest` is done: the collection, with a split that names
+validation models, and the embedded samples.  Scores are macro means of `iou_32` over the
+categories with at least five validation models, boxes as the positive module says them.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from pnabs import settings
+from pnabs.dataset import catalogue
+from pnabs.geometry.metrics import iou, predicted_occupancy
+from pnabs.geometry.types import Bool, Cuboids
+from pnabs.model.checkpoint import load_network
+from pnabs.model.data import Batch, TrainingSet
+from pnabs.model.memory import keep_freed_memory
+from pnabs.model.network import CuboidNetwork
+from pnabs.model.objective import Objective, Phase, make_optimizer
+from pnabs.model.predict import predict
+from pnabs.model.start import start_points
+from pnabs.model.trainer import epoch_order, train_epoch
+from pnabs.pipeline import thickened
+from pnabs.report.compare import MIN_MODELS
+from pnabs.stages.context import read_shard_rows
+from pnabs.stages.difference import models_of
+from pnabs.stages.status import stored_job
+from pnabs.stages.training_data import load_training_set
+from pnabs.stages.training_models import TrainingModels
+from pnabs.store.run import RunFolder
+
+BATCH = 16
+STEPS = {"initial": 1440, "refinement": 720}
+"""Steps of a phase: what 80 and 40 epochs of the corpus' 287 training models take."""
+
+TURN, STRETCH = 15.0, 0.2
+"""Of the augmentation by turns (degrees, about +Y) and stretches (share, along each axis)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What differs from the default recipe, in a phase.
+
+    Attributes
+    ----------
+    data : {"corpus", "samples", "both"}
+    begin : {"nothing", "shipped"}
+        Weights that the initial phase begins from.
+    category : str, optional
+        Train and score on one category alone.
+    turned : bool
+        Augment by turns and stretches.
+    """
+
+    why: str
+    phase: Phase = "initial"
+    network: Mapping[str, Any] = field(default_factory=dict)
+    training: Mapping[str, Any] = field(default_factory=dict)
+    losses: Mapping[str, float] = field(default_factory=dict)
+    positives: int = 12
+    data: str = "corpus"
+    begin: str = "nothing"
+    category: str | None = None
+    turned: bool = False
+    steps: float = 1.0
+
+
+PAPER_NETWORK = {"channels": (4, 8, 16, 32, 64), "hidden": 64}
+TRIALS: dict[str, Trial] = {
+    "default": Trial("the default recipe, positive module, initial phase"),
+    "another seed": Trial("how much chance there is", training={"seed": 1}),
+    "paper's losses": Trial("no occupancy term (OURS)", losses={"occupancy": 0}),
+    "occupancy x10": Trial("its weight 1 in place of 0.1", losses={"occupancy": 1}),
+    "occupancy alone": Trial("no fitting losses", losses={"occupancy": 1, "fit1": 0, "fit2": 0}),
+    "no symmetry": Trial("L_sym off", losses={"symmetry": 0}),
+    "8 boxes": Trial("N", positives=8),
+    "8 boxes, octants": Trial("POSPRIM's start", positives=8, network={"start": "octants"}),
+    "20 boxes": Trial("N", positives=20),
+    "paper's network": Trial("4 to 64 channels, 64 wide", network=PAPER_NETWORK),
+    "constant rate": Trial("the paper's schedule", training={"schedule": "constant"}),
+    "rate 0.0003": Trial("learning rate", training={"learning_rate": 0.0003}),
+    "rate 0.003": Trial("learning rate", training={"learning_rate": 0.003}),
+    "not mirrored": Trial("no mirrored copies", training={"mirror_augment": False}),
+    "turned, stretched": Trial("15 degrees, 20 per cent", turned=True),
+    "more cells": Trial("occupancy at 4,096 cells", training={"occupancy_samples": 4096}),
+    "fewer points": Trial(
+        "16 a cuboid, 250 a shape", training={"cuboid_samples": 16, "shape_samples": 250}
+    ),
+    "samples": Trial("2,000 samples in place of the corpus", data="samples"),
+    "both": Trial("the samples and the corpus together", data="both"),
+    "both, turned": Trial("... with turns and stretches", data="both", turned=True),
+    "from shipped": Trial("the corpus, from the shipped weights", begin="shipped"),
+    "from shipped, turned": Trial("... with turns and stretches", begin="shipped", turned=True),
+    "from shipped, rate 0.0003": Trial(
+        "... slower", begin="shipped", turned=True, training={"learning_rate": 0.0003}
+    ),
+    "four times as long": Trial("5,760 steps", steps=4.0),
+    "airplanes alone": Trial("a model for each category", category="02691156"),
+    "chairs alone": Trial("a model for each category", category="03001627"),
+    "tables alone": Trial("a model for each category", category="04379243"),
+    "animals alone": Trial("a model for each category", category="animal"),
+    "refined": Trial("the default recipe, refinement from `default`", phase="refinement"),
+    "refined, vector": Trial(
+        "the paper's input", phase="refinement", network={"refine_input": "vector"}
+    ),
+    "refined, volume": Trial(
+        "cuboids as a volume", phase="refinement", network={"refine_input": "volume"}
+    ),
+    "refined, no burn-in": Trial("the paper's", phase="refinement", training={"burn_in": 0}),
+    "refined, no regularisation": Trial(
+        "L_R off", phase="refinement", losses={"regularisation": 0}
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """The models of one split: what trains, and what is scored."""
+
+    category: np.ndarray
+    data: TrainingSet
+    occupancy: Bool
+
+
+@cache
+def models(run: Path, split: str) -> Models:
+    """Models of a split of a run."""
+    folder = RunFolder(run)
+    job = stored_job(folder).settings
+    shards, names = [], []
+    for shard in sorted(set(catalogue.read(folder.catalogue)["shard"].to_pylist()) - {""}):
+        rows = models_of(folder.ledger, read_shard_rows(folder.catalogue, shard), shard, [split])
+        if rows:
+            shards.append((shard, np.array([row["row"] for row in rows], np.int32)))
+            names += [row["category"] for row in rows]
+    data = load_training_set(
+        folder, folder.variant("main"), job, "positive", TrainingModels(tuple(shards), ""),
+        rank=0, world=1,
+    )  # fmt: skip
+    return Models(np.array(names), data, data.occupancies())
+
+
+def joined(a: TrainingSet, b: TrainingSet) -> TrainingSet:
+    """The shapes of both."""
+    parts = {f.name: (getattr(a, f.name), getattr(b, f.name)) for f in fields(TrainingSet)}
+    parts = {name: pair for name, pair in parts.items() if pair[0] is not None}
+    width = {name: min(x.shape[1:], y.shape[1:]) for name, (x, y) in parts.items()}
+    return TrainingSet(
+        **{
+            name: np.concatenate([x[:, : w[0]] if (w := width[name]) else x for x in pair])
+            for name, pair in parts.items()
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A training set whose batches are turned and stretched at random, half of the shapes."""
+
+    inner: TrainingSet
+
+    def batch(
+        self, rows: np.ndarray, training: settings.Training, generator: torch.Generator
+    ) -> Batch:
+        """A batch, seen through one affine map a shape."""
+        batch = self.inner.batch(rows, training, generator)
+        count = len(rows)
+        draw = torch.rand((count, 4), generator=generator) * 2 - 1
+        draw *= (torch.rand((count, 1), generator=generator) < 0.5).float()
+        angle = torch.deg2rad(TURN * draw[:, 0])
+        zero, one = torch.zeros(count), torch.ones(count)
+        turn = torch.stack(
+            [angle.cos(), zero, angle.sin(), zero, one, zero, -angle.sin(), zero, angle.cos()], -1
+        ).view(-1, 3, 3)
+        # Stretched, then as large as before: the longest side stays within the cube.
+        stretch = 1 + STRETCH * draw[:, 1:]
+        extent = (batch.points.abs().amax(dim=1) * stretch).amax(dim=1, keepdim=True)
+        largest = batch.points.abs().amax(dim=(1, 2)).unsqueeze(1)
+        map_ = turn * (stretch * largest / extent).unsqueeze(1)
+        back = torch.linalg.inv(map_)
+        # grid_sample counts axes from the last; coordinates of -1 and 1 are the cube's sides.
+        theta = torch.cat([back.flip(1, 2), torch.zeros(count, 3, 1)], dim=2)
+        grid = F.affine_grid(theta, batch.occupancy.shape, align_corners=False)
+        occupancy = F.grid_sample(
+            batch.occupancy, grid, mode="nearest", padding_mode="zeros", align_corners=False
+        )
+        sdf = F.grid_sample(batch.sdf, grid, padding_mode="border", align_corners=False)
+        cells = batch.cells
+        side = ((cells / 1.1 + 0.5) * 32).long().clamp(0, 31)
+        flat = (side[..., 0] * 32 + side[..., 1]) * 32 + side[..., 2]
+        return replace(
+            batch,
+            occupancy=occupancy,
+            sdf=sdf,
+            points=batch.points @ map_.transpose(1, 2),
+            inside=occupancy.flatten(1).gather(1, flat),
+            # A turned shape has no mirror plane along the axes.
+            mirror=torch.where(draw[:, 0] == 0, batch.mirror, -1),
+        )
+
+
+def scores(network: CuboidNetwork, shown: Models, iterations: int) -> tuple[np.ndarray, float]:
+    """`iou_32` of each model, and CPU seconds a model of the prediction."""
+    started = time.process_time()
+    found = predict(network, shown.occupancy, iterations)
+    spent = (time.process_time() - started) / len(found)
+    none, least = Cuboids.empty(), settings.Abstract().min_side
+    return np.array(
+        [
+            iou(predicted_occupancy(thickened(boxes, least), none, 32, least), occupancy)
+            for boxes, occupancy in zip(found, shown.occupancy, strict=True)
+        ]
+    ), spent
+
+
+def macro(values: np.ndarray, category: np.ndarray) -> float:
+    """Mean over categories with enough models; over all models where there is none."""
+    names, number = np.unique(category, return_counts=True)
+    means = [values[category == name].mean() for name in names[number >= MIN_MODELS]]
+    return float(np.mean(means)) if means else float(values.mean())
+
+
+def begun(trial: Trial, options: settings.Network, data: TrainingSet, kept: Path) -> CuboidNetwork:
+    """The network that a trial trains."""
+    if trial.phase == "refinement":
+        first = load_network(kept / "default.safetensors")
+        network = CuboidNetwork(first.count, options, first.start)
+        network.initial_encoder.load_state_dict(first.initial_encoder.state_dict())
+        network.initial_decoder.load_state_dict(first.initial_decoder.state_dict())
+        network.inherit_encoder()
+        return network
+    if trial.begin == "shipped":
+        return load_network(settings.SHIPPED_WEIGHTS / "positive.safetensors")
+    start = start_points(data.mean_occupancy(), trial.positives, options.start)
+    return CuboidNetwork(trial.positives, options, start)
+
+
+def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
+    """Train and score one trial."""
+    from pnabs.model.checkpoint import save_network
+
+    trial = TRIALS[name]
+    training = dict(trial.training)
+    seed = training.pop("seed", 0)
+    options = settings.Training(
+        batch_size=BATCH, losses=settings.LossWeights(**trial.losses), **training
+    )
+    shown = models(run, "val")
+    learnt = models(run, "train")
+    if trial.category:
+        shown, learnt = (
+            Models(
+                part.category[rows := np.flatnonzero(part.category == trial.category)],
+                TrainingSet(
+                    **{
+                        f.name: None if (v := getattr(part.data, f.name)) is None else v[rows]
+                        for f in fields(TrainingSet)
+                    }
+                ),
+                part.occupancy[rows],
+            )
+            for part in (shown, learnt)
+        )
+    data = learnt.data
+    if trial.data != "corpus":
+        generated = models(samples, "train").data
+        data = generated if trial.data == "samples" else joined(data, generated)
+    network = begun(trial, settings.Network(**trial.network), data, kept)
+    objective = Objective(network, "positive", trial.phase, options)
+    steps = STEPS[trial.phase] * trial.steps
+    epochs = max(1, round(steps / max(1, round(len(data) / BATCH))))
+    options = options.model_copy(update={"epochs": epochs})
+    optimizer = make_optimizer(objective, options)
+    source: Any = Turned(data) if trial.turned else data
+    started = time.process_time()
+    for epoch in range(epochs):
+        order = epoch_order(len(data), epoch, seed)
+        last = train_epoch(objective, optimizer, source, order, options, epoch=epoch, seed=seed)
+    spent = time.process_time() - started
+    iterations = settings.Abstract().iterations if trial.phase == "refinement" else 0
+    values, seconds = scores(network, shown, iterations)
+    seen, _ = scores(network, learnt, iterations)
+    save_network(kept / f"{name.replace(' ', '-').replace(',', '')}.safetensors", network)
+    return {
+        "name": name,
+        "why": trial.why,
+        "phase": trial.phase,
+        "val": macro(values, shown.category),
+        "all": float(values.mean()),
+        "train": macro(seen, learnt.category),
+        "categories": {str(c): float(values[shown.category == c].mean())
+                       for c in np.unique(shown.category)
+                       if np.count_nonzero(shown.category == c) >= MIN_MODELS},
+        "models": len(data),
+        "epochs": epochs,
+        "seconds": spent,
+        "predict": seconds,
+        "loss": last["total"],
+    }  # fmt: skip
+
+
+@click.command()
+@click.option("--run", type=click.Path(path_type=Path, exists=True), required=True)
+@click.option("--samples", type=click.Path(path_type=Path, exists=True), required=True)
+@click.option("--only", multiple=True, type=click.Choice(list(TRIALS)))
+@click.option("--out", type=click.Path(path_type=Path), default=Path("trials.jsonl"))
+def main(run: Path, samples: Path, only: tuple[str, ...], out: Path) -> None:
+    """Try what isn't in OUT yet, a line of JSON each, and print the table."""
+    torch.set_num_threads(1)
+    keep_freed_memory()
+    done = {}
+    if out.exists():
+        done = {row["name"]: row for row in map(json.loads, out.read_text().splitlines())}
+    kept = out.with_suffix("")
+    kept.mkdir(exist_ok=True)
+    for name in only or TRIALS:
+        if name not in done:
+            done[name] = tried(name, run, samples, kept)
+            with out.open("a") as lines:
+                lines.write(json.dumps(done[name]) + "\n")
+            click.echo(f"{name}: val {done[name]['val']:.4f}", err=True)
+    click.echo("| trial | what | val | train | CPU s |\n| --- | --- | --- | --- | --- |")
+    for name in only or TRIALS:
+        row = done[name]
+        click.echo(
+            f"| {name} | {row['why']} | {row['val']:.3f} | {row['train']:.3f} "
+            f"| {row['seconds']:.0f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()
