@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 
 from pnabs.geometry.types import Float32
 
-APART = 2e-8
-"""Vertices nearer than this are one to other programs, which weld by place.  Float32 tells them
-apart near 0, where mirrored boxes meet."""
+APART = 1e-8
+"""Vertices that no coordinate tells apart by more are one to programs that weld by rounded place.
+Float32 tells them apart near 0, where mirrored boxes meet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class CheckReport:
     self_intersections : int
         Faces that meet others elsewhere than along common edges and vertices.
     duplicate_vertices : int
-        Vertices at the place of another, or nearer to one than `APART`.
+        Vertices at the place of another, or within `APART` of one in every coordinate.
     unreferenced_vertices : int
         Vertices without a face.
     degenerate_faces : int
@@ -103,7 +103,7 @@ def check(vertices: Float32, faces: NDArray[np.integer]) -> CheckReport:
     crossing = meshes.current_mesh().selected_face_number()
     a, b, c = (exact[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    close = cKDTree(exact).query_pairs(APART, output_type="ndarray")
+    close = cKDTree(exact).query_pairs(APART, p=np.inf, output_type="ndarray")
     return CheckReport(
         closed=topology["boundary_edges"] == 0,
         two_manifold=bool(topology["is_mesh_two_manifold"]),
