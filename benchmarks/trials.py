@@ -26,7 +26,7 @@ from pnabs import settings
 from pnabs.dataset import catalogue
 from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.types import Bool, Cuboids
-from pnabs.model.checkpoint import load_network
+from pnabs.model.checkpoint import load_network, save_network
 from pnabs.model.data import Batch, TrainingSet
 from pnabs.model.memory import keep_freed_memory
 from pnabs.model.network import CuboidNetwork
@@ -38,6 +38,7 @@ from pnabs.pipeline import thickened
 from pnabs.report.compare import MIN_MODELS
 from pnabs.stages.context import read_shard_rows
 from pnabs.stages.difference import models_of
+from pnabs.stages.job import PAPER
 from pnabs.stages.status import stored_job
 from pnabs.stages.training_data import load_training_set
 from pnabs.stages.training_models import TrainingModels
@@ -79,7 +80,7 @@ class Trial:
     steps: float = 1.0
 
 
-PAPER_NETWORK = {"channels": (4, 8, 16, 32, 64), "hidden": 64}
+PAPER_NETWORK = {name: PAPER["network"][name] for name in ("channels", "hidden")}
 TRIALS: dict[str, Trial] = {
     "default": Trial("the default recipe, positive module, initial phase"),
     "another seed": Trial("how much chance there is", training={"seed": 1}),
@@ -251,8 +252,6 @@ def begun(trial: Trial, options: settings.Network, data: TrainingSet, kept: Path
 
 def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
     """Train and score one trial."""
-    from pnabs.model.checkpoint import save_network
-
     trial = TRIALS[name]
     training = dict(trial.training)
     seed = training.pop("seed", 0)

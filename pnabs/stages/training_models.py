@@ -27,7 +27,7 @@ class TrainingModels:
         return sum(len(rows) for _, rows in self.shards)
 
     def few(self, most: int) -> TrainingModels:
-        """At most so many of them, evenly chosen."""
+        """At most so many of them, evenly chosen; the digest stays that of all."""
         chosen = np.unique(np.linspace(0, self.count - 1, min(most, self.count)).round())
         shards, first = [], 0
         for shard, rows in self.shards:
