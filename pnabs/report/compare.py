@@ -5,7 +5,8 @@ Rows are methods measured in the run, and nothing else: "positives and negatives
 Averages weigh categories equally, as the paper's do, and cover categories with at
 least `MIN_MODELS` models.  Intervals are bootstrapped by drawing models anew within
 each category; both methods see the same draws, so the interval of their difference
-is a paired one.
+is a paired one.  With several variants, further tables hold their results side by side, as the
+paper's tables 3 and 4 hold its ablations, and what the first has ahead of each, paired by model.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from pnabs.geometry.types import Bool, Float64
 
@@ -83,8 +85,8 @@ def build_tables(
     Returns
     -------
     Tables
-        `iou_32`, `iou_64`, `cd_l1`, `cd_l2`, `cd_surface`, `open_space`, and one `counts` (or
-        `counts/<variant>`) a variant.
+        `iou_32`, `iou_64`, `cd_l1`, `cd_l2`, `cd_surface`, `open_space`, with several variants
+        `variants/<measure>` each, and one `counts` (or `counts/<variant>`) a variant.
 
     Raises
     ------
@@ -106,6 +108,8 @@ def build_tables(
     tables = [
         _measure_table(measure, models, prefix, columns, resamples, rng) for measure in MEASURES
     ]
+    if len(models) > 1:
+        tables += [_variant_table(measure, models, columns, resamples, rng) for measure in MEASURES]
     for variant, table in models.items():
         tables.append(_count_table(variant, table, columns, single=len(rows) == 1))
     return Tables(split, tuple(rows), resamples, tuple(tables))
@@ -174,37 +178,14 @@ def _method_rows(
         values = np.where(np.isfinite(values), values, 0.0)
     kept = np.isfinite(values).all(axis=1)
     roles.append("difference")
-    values = np.column_stack([values, values[:, 0] - values[:, 1]])
-
-    category = np.array(models.category, dtype=object)
-    means = np.full((len(roles), len(columns)), np.nan)
-    draws: list[Float64] = []
-    averaged: list[int] = []
-    for j, column in enumerate(columns):
-        chosen = values[kept & (category == column.category)]
-        if not len(chosen):
-            continue
-        means[:, j] = chosen.mean(axis=0)
-        if column.models >= MIN_MODELS:
-            averaged.append(j)
-            draws.append(bootstrap_means(chosen, resamples, rng))
-    summary: list[float | None] = [None] * len(roles)
-    interval: list[tuple[float, float] | None] = [None] * len(roles)
-    if averaged:
-        low, high = np.percentile(np.mean(draws, axis=0), [2.5, 97.5], axis=0)
-        for i, average in enumerate(means[:, averaged].mean(axis=1)):
-            summary[i] = _tidy(average)
-            interval[i] = (_exact(low[i]), _exact(high[i]))
-    overall = values[kept].mean(axis=0) if kept.any() else np.full(len(roles), np.nan)
+    values = np.column_stack([values, values[:, 0] - values[:, 1]])[kept]
+    figures = _figures(values, np.array(models.category)[kept], columns, resamples, rng)
     rows = [
         Row(
             prefix + _LABELS[role],
             variant,
             role,
-            tuple(_tidy(value) for value in means[i]),
-            summary[i],
-            interval[i],
-            _tidy(overall[i]),
+            *figures[i],
         )
         for role in _ORDER
         if role in roles
@@ -213,6 +194,94 @@ def _method_rows(
         if role != "networks" or not np.array_equal(values[:, i], values[:, 0], equal_nan=True)
     ]
     return rows, int(missing.sum())
+
+
+Figures = tuple[tuple[float | None, ...], float | None, tuple[float, float] | None, float | None]
+"""Of one row: a mean a category, their average and its interval, the mean over all models."""
+
+
+def _figures(
+    values: Float64,
+    category: NDArray[np.str_],
+    columns: tuple[Column, ...],
+    resamples: int,
+    rng: np.random.Generator,
+) -> list[Figures]:
+    """The figures of each row, of values (models, rows) without gaps."""
+    count = values.shape[1]
+    means = np.full((count, len(columns)), np.nan)
+    draws: list[Float64] = []
+    averaged: list[int] = []
+    for j, column in enumerate(columns):
+        chosen = values[category == column.category]
+        if not len(chosen):
+            continue
+        means[:, j] = chosen.mean(axis=0)
+        if column.models >= MIN_MODELS:
+            averaged.append(j)
+            draws.append(bootstrap_means(chosen, resamples, rng))
+    summary: list[float | None] = [None] * count
+    interval: list[tuple[float, float] | None] = [None] * count
+    if averaged:
+        low, high = np.percentile(np.mean(draws, axis=0), [2.5, 97.5], axis=0)
+        for i, average in enumerate(means[:, averaged].mean(axis=1)):
+            summary[i] = _tidy(average)
+            interval[i] = (_exact(low[i]), _exact(high[i]))
+    overall = values.mean(axis=0) if len(values) else np.full(count, np.nan)
+    return [
+        (tuple(_tidy(value) for value in means[i]), summary[i], interval[i], _tidy(overall[i]))
+        for i in range(count)
+    ]
+
+
+def _variant_table(
+    measure: Measure,
+    models: Mapping[str, Models],
+    columns: tuple[Column, ...],
+    resamples: int,
+    rng: np.random.Generator,
+) -> Table:
+    """The result of each variant, and the first minus each other, over models that both have."""
+    found = {variant: _by_model(measure, table) for variant, table in models.items()}
+    first, *others = models
+
+    def row(label: str, variant: str, role: Role, values: Mapping[tuple[str, str], float]) -> Row:
+        numbers = np.array(list(values.values()), dtype=np.float64).reshape(-1, 1)
+        category = np.array([category for category, _ in values])
+        figures = _figures(numbers, category, columns, resamples, rng)
+        return Row(label, variant, role, *figures[0])
+
+    rows = [row(variant, variant, "cropped", values) for variant, values in found.items()]
+    for other in others:
+        both = [model for model in found[first] if model in found[other]]
+        gains = {model: found[first][model] - found[other][model] for model in both}
+        rows.append(row(f"{first} minus {other}", other, "difference", gains))
+    return Table(
+        f"variants/{measure.name}",
+        f"{measure.title}, by variant",
+        measure.unit,
+        measure.better,
+        columns,
+        "average",
+        tuple(rows),
+        (
+            _average_note(columns),
+            f"Differences are paired by model; {measure.better} is better, so {first} is ahead "
+            f"where its difference is {'above' if measure.better == 'higher' else 'below'} 0.",
+        ),
+    )
+
+
+def _by_model(measure: Measure, models: Models) -> dict[tuple[str, str], float]:
+    """The result of each model that has one; where none is worth 0, of all."""
+    values = models.numbers[measure.columns[0][1]] * measure.factor
+    values = np.where(models.ok, values, np.nan)
+    if measure.missing_is_zero:
+        values = np.nan_to_num(values)
+    names = zip(models.category, models.model_id, strict=True)
+    return {
+        name: value for name, value in zip(names, values.tolist(), strict=True) if value == value
+    }
 
 
 def _count_table(

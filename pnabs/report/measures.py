@@ -131,6 +131,7 @@ class Models:
     """A metrics table as arrays, one entry a model."""
 
     category: tuple[str, ...]
+    model_id: tuple[str, ...]
     status: tuple[str, ...]
     numbers: dict[str, Float64]
 
@@ -168,4 +169,7 @@ def read_models(table: pa.Table, split: str = "all") -> Models:
         for name in COLUMNS
         if name not in texts
     }
-    return Models(tuple(table["category"].to_pylist()), tuple(table["status"].to_pylist()), numbers)
+    category, model_id, status = (
+        tuple(table[name].to_pylist()) for name in ("category", "model_id", "status")
+    )
+    return Models(category, model_id, status, numbers)

@@ -40,6 +40,7 @@ def render_page(data: ReportData) -> str:
         split=plain(data.split),
         variants=[plain(name) for name in data.tables.variants],
         figures=view.headline(data),
+        side_by_side=view.grids(data.tables, ["variants/"]),
         iou=view.grids(data.tables, ["iou"]),
         distances=view.grids(data.tables, ["cd"]),
         space=view.grids(data.tables, ["open_space"]),

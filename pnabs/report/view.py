@@ -134,7 +134,7 @@ def _grid(table: Table) -> Grid:
     ]
     models = [""] if table.name.startswith("counts") else []
     columns = [(plain(c.label), "" if models else str(c.models)) for c in table.columns]
-    unfolded = len(table.columns) <= WIDE or table.name in ("iou_64", "counts")
+    unfolded = len(table.columns) <= WIDE or table.name in ("iou_64", "counts", "variants/iou_32")
     columns += [(table.summary_label, "")] + ([("95 % interval", "")] if intervals else [])
     if len(table.columns) <= WIDE:
         lines = [(plain(row.label), row.role, tuple(cells[i])) for i, row in enumerate(table.rows)]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from pnabs.settings import Settings
+from pnabs.settings import Dataset, Settings
 
 PAPER: dict[str, Any] = {
     "network": {"channels": [4, 8, 16, 32, 64], "hidden": 64, "refine_input": "vector"},
@@ -101,6 +102,7 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         tree = _merge(PRESETS[preset], tree)
     settings = _validate(tree, where, f"{path}: ")
     settings = _absolute(settings)
+    settings = _with_variant_presets(settings, origins, where)
     job = Job(settings, origins, path, where)
     if not settings.variants or "main" not in settings.variants:
         raise JobError(f"{path}: variants must have one named `main`")
@@ -113,6 +115,35 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         place = where.get(("out",), str(path))
         raise JobError(f"{place}: out lies inside dataset.root; put the run folder elsewhere")
     return job
+
+
+def _with_variant_presets(
+    settings: Settings, origins: Mapping[str, str], where: Mapping[tuple[str, ...], str]
+) -> Settings:
+    """Variants that take a preset of their own, with that preset's values written out.
+
+    They stand in the place of the job's preset: what the file, `--set` or the variant itself
+    says stands above them.
+    """
+    said = {key for key, place in origins.items() if place != "preset"}
+    variants: dict[str, dict[str, Any]] = {}
+    for name, changes in settings.variants.items():
+        preset = changes.get("preset", settings.preset)
+        if preset not in PRESETS:
+            place = where.get(("variants", name))
+            raise JobError(
+                f"{place}: " * bool(place) + f"variants.{name}: preset: there are "
+                f"{' and '.join(PRESETS)} (got {preset!r})"
+            )
+        own = {key: value for key, value in changes.items() if key != "preset"}
+        if preset != settings.preset:
+            keys = {*_leaves(PRESETS[settings.preset]), *_leaves(PRESETS[preset])}
+            keys = {key for key in keys if not said.intersection(_and_parents(key))}
+            defaults = Settings(dataset=Dataset(root="/"), out=Path("/")).model_dump(mode="json")
+            values = _merge(defaults, PRESETS[preset])
+            own = {key: _at(values, key) for key in sorted(keys)} | own
+        variants[name] = own
+    return settings.model_copy(update={"variants": variants})
 
 
 def _absolute(settings: Settings) -> Settings:
@@ -247,6 +278,18 @@ def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
             yield from _leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}"
+
+
+def _and_parents(key: str) -> list[str]:
+    """`a.b.c` -> `a`, `a.b`, `a.b.c`."""
+    return list(accumulate(key.split("."), "{}.{}".format))
+
+
+def _at(tree: Mapping[str, Any], key: str) -> Any:
+    value: Any = tree
+    for part in key.split("."):
+        value = value[part]
+    return value
 
 
 def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

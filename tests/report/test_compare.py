@@ -108,6 +108,40 @@ def test_variants_have_their_own_rows(row, table):
     assert tables["counts/plain"].rows[0].values == (1, 1)
 
 
+def test_variants_stand_side_by_side_with_differences_paired_by_model(row, table):
+    ids = [f"m{i}" for i in range(MIN_MODELS)]
+    first = [row("a", name, iou_64=0.5 + i / 20, cd_l1=20.0 + i) for i, name in enumerate(ids)]
+    # In another order, each model 0.2 worse, whatever the spread of the models themselves.
+    other = [row("a", n, iou_64=0.3 + i / 20, cd_l1=25.0 + i) for i, n in enumerate(ids)][::-1]
+    tables = build_tables({"main": table(first), "plain": table(other)}, rng())
+    iou = tables["variants/iou_64"]
+    assert [r.label for r in iou.rows] == ["main", "plain", "main minus plain"]
+    assert [r.summary for r in iou.rows] == pytest.approx([60, 40, 20])
+    assert iou.row("difference").interval == pytest.approx((20, 20))
+    low, high = iou.rows[0].interval
+    assert low < 59 < 61 < high
+    assert [flags[-1] for flags in iou.best()] == [True, False, False]
+    assert tables["variants/cd_l1"].row("difference").summary == pytest.approx(-5)
+    assert [flags[-1] for flags in tables["variants/cd_l1"].best()] == [True, False, False]
+
+
+def test_a_model_that_a_variant_lost_is_iou_zero_there_and_not_paired_in_distances(row, table):
+    ids = [f"m{i}" for i in range(MIN_MODELS)]
+    first = [row("a", name, iou_64=0.5, cd_l1=20.0) for name in ids]
+    other = [row("a", name, iou_64=0.4, cd_l1=10.0 * i) for i, name in enumerate(ids)]
+    other[4] = row("a", ids[4], status="crash")
+    tables = build_tables({"main": table(first), "plain": table(other)}, rng())
+    assert tables["variants/iou_64"].row("cropped", "plain").summary == pytest.approx(32)
+    assert tables["variants/iou_64"].row("difference").summary == pytest.approx(18)
+    assert tables["variants/cd_l1"].row("cropped", "plain").summary == pytest.approx(15)
+    assert tables["variants/cd_l1"].row("difference").summary == pytest.approx(5)
+
+
+def test_one_variant_has_nothing_to_stand_beside(row, table):
+    tables = build_tables({"main": table([row("a")])}, rng())
+    assert not [t.name for t in tables.tables if t.name.startswith("variants")]
+
+
 def test_counts(row, table):
     rows = [
         row("a", faces=100, negatives_kept=2, check_ok=True, jitter_attempt=2),

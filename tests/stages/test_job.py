@@ -76,6 +76,7 @@ def test_the_papers_preset_is_below_what_the_file_says(tmp_path: Path) -> None:
             r"line 3: variants.b: seed: variants",
         ),
         (MINIMAL + "variants: {main: {}, b: {abstract.x: 3}}\n", r"variants.b: unknown key"),
+        (MINIMAL + "variants: {main: {}, b: {preset: x}}\n", r"line 3: variants.b: preset: there"),
     ],
 )
 def test_errors_name_key_and_line(tmp_path: Path, text: str, says: str) -> None:
@@ -178,6 +179,50 @@ def test_mistakes_are_met_when_the_job_is_read(tmp_path: Path, text: str, says: 
 def test_one_category_needs_no_list(tmp_path: Path) -> None:
     job = load_job(job_file(tmp_path, "dataset: {root: d, categories: chair}\nout: x\n"))
     assert job.settings.dataset.categories == ("chair",)
+
+
+PLUS = """preset: paper
+training:
+  epochs: 9
+  losses: {separation: 3}
+variants:
+  main: {}
+  plus: {preset: best}
+  fitted: {preset: best, abstract.fit: true, training.burn_in: 2}
+"""
+
+
+def test_a_variant_takes_a_preset_of_its_own(tmp_path: Path) -> None:
+    job = load_job(job_file(tmp_path, MINIMAL + PLUS), ["abstract.fit=false"])
+    best = load_job(job_file(tmp_path, MINIMAL)).settings
+    variants = job.variants()
+    assert variants["main"].network.hidden == 64
+    plus = variants["plus"]
+    assert plus.network == best.network
+    assert plus.training.losses.occupancy == best.training.losses.occupancy
+    # What the file and --set say stands above either preset, the variant's own words above all.
+    assert (plus.training.epochs, plus.training.losses.separation) == (9, 3)
+    assert not plus.abstract.fit
+    assert plus.abstract.iterations == best.abstract.iterations
+    assert variants["fitted"].abstract.fit
+    assert variants["fitted"].training.burn_in == 2
+    # Run folders keep the values, whatever later versions' presets are.
+    assert job.settings.variants["plus"]["training.schedule"] == "cosine"
+
+
+def test_a_variant_may_take_the_papers_preset(tmp_path: Path) -> None:
+    text = MINIMAL + "variants: {main: {}, paper: {preset: paper}}\n"
+    job = load_job(job_file(tmp_path, text))
+    paper = load_job(job_file(tmp_path, MINIMAL + "preset: paper\n")).settings
+    found = job.variants()["paper"]
+    for group in ("network", "training", "difference", "abstract"):
+        assert getattr(found, group) == getattr(paper, group)
+
+
+def test_a_groups_override_stands_above_a_variants_preset(tmp_path: Path) -> None:
+    text = MINIMAL + "preset: paper\nvariants: {main: {}, plus: {preset: best}}\n"
+    job = load_job(job_file(tmp_path, text), ["training.losses={occupancy: 2, separation: 1}"])
+    assert job.variants()["plus"].training.losses.occupancy == 2
 
 
 def test_a_variants_group_is_merged(tmp_path: Path) -> None:
