@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from pnabs.geometry.types import GRID_SIDE, THETA_D
-from pnabs.model.cuboids import place
+from pnabs.model.cuboids import rotation_matrices, split
 
 MARGIN = THETA_D
 """How far beyond its faces a cuboid probes, in normalised units: one voxel."""
@@ -31,9 +31,14 @@ PROBES = CHANNELS * len(STATIONS) ** 3
 def pyramid(volume: Tensor) -> Tensor:
     """The volume (B, 1, G, G, G) and its blurred copy, (B, 2, G, G, G)."""
     blurred = volume
-    for axis in range(3):  # one axis after the other: 15 reads a voxel, not 125
-        kernel = [BLUR if k == axis else 1 for k in range(3)]
-        blurred = F.avg_pool3d(blurred, kernel, 1, [k // 2 for k in kernel])
+    # One axis after the other, and sums of shifted copies: a seventh of avg_pool3d's time.
+    for axis in (2, 3, 4):
+        side = blurred.shape[axis]
+        padded = F.pad(blurred, [0, 0] * (4 - axis) + [BLUR // 2] * 2)
+        total = padded.narrow(axis, 0, side).clone()
+        for shift in range(1, BLUR):
+            total += padded.narrow(axis, shift, side)
+        blurred = total / BLUR
     return torch.cat([volume, blurred], dim=1)
 
 
@@ -52,11 +57,16 @@ def probe(volumes: Tensor, cuboids: Tensor) -> Tensor:
     (B, N, PROBES), without a gradient: the feedback is an observation
     """
     batch, count = cuboids.shape[:2]
-    stations = cuboids.new_tensor(STATIONS)
-    share = torch.cartesian_prod(*[stations[:, 0]] * 3)
-    beyond = torch.cartesian_prod(*[stations[:, 1]] * 3) * MARGIN
-    points = place(cuboids, share * cuboids[..., None, :3] + beyond)
-    where = (points * (2 / GRID_SIDE)).flip(-1).view(batch, 1, 1, -1, 3)
+    share, beyond = cuboids.new_tensor(STATIONS).unbind(-1)
+    scale, _, translation = split(cuboids)
+    local = share * scale.unsqueeze(-1) + MARGIN * beyond
+    # Points in grid_sample's units and its order of coordinates, the last axis first.
+    turn = rotation_matrices(cuboids).flip(-2) * (2 / GRID_SIDE)
+    x, y, z = (local.unsqueeze(-1) * turn.transpose(-1, -2).unsqueeze(-2)).unbind(2)
+    centre = translation.flip(-1) * (2 / GRID_SIDE)
+    plane = (x + centre.unsqueeze(-2)).unsqueeze(3) + y.unsqueeze(2)
+    points = plane.unsqueeze(4) + z[:, :, None, None]
+    where = points.view(batch, 1, 1, -1, 3)
     values = F.grid_sample(
         volumes, where, mode="bilinear", padding_mode="zeros", align_corners=False
     )
