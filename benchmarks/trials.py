@@ -48,6 +48,8 @@ BATCH = 16
 STEPS = {"initial": 1440, "refinement": 720}
 """Steps of a phase: what 80 and 40 epochs of the corpus' 287 training models take."""
 
+SHIPPED = settings.SHIPPED_WEIGHTS / "positive.safetensors"
+
 TURN, STRETCH = 15.0, 0.2
 """Of the augmentation by turns (degrees, about +Y) and stretches (share, along each axis)."""
 
@@ -60,7 +62,9 @@ class Trial:
     ----------
     data : {"corpus", "samples", "both"}
     begin : {"nothing", "shipped"}
-        Weights that the initial phase begins from.
+        Weights that the phase begins from.
+    after : str
+        The trial whose network is refined; `shipped` for those weights.
     category : str, optional
         Train and score on one category alone.
     turned : bool
@@ -75,6 +79,7 @@ class Trial:
     positives: int = 12
     data: str = "corpus"
     begin: str = "nothing"
+    after: str = "default"
     category: str | None = None
     turned: bool = False
     steps: float = 1.0
@@ -124,6 +129,29 @@ TRIALS: dict[str, Trial] = {
     "refined, no burn-in": Trial("the paper's", phase="refinement", training={"burn_in": 0}),
     "refined, no regularisation": Trial(
         "L_R off", phase="refinement", losses={"regularisation": 0}
+    ),
+    "refined, turned": Trial("15 degrees, 20 per cent", phase="refinement", turned=True),
+    "winners": Trial(
+        "from shipped, turned, 4,096 cells",
+        begin="shipped",
+        turned=True,
+        training={"occupancy_samples": 4096},
+    ),
+    "winners, refined": Trial(
+        "`winners`, refined alike",
+        phase="refinement",
+        begin="shipped",
+        after="winners",
+        turned=True,
+        training={"occupancy_samples": 4096},
+    ),
+    "shipped, refined": Trial(
+        "the shipped weights, refinement alone trained on",
+        phase="refinement",
+        begin="shipped",
+        after="shipped",
+        turned=True,
+        training={"occupancy_samples": 4096},
     ),
 }
 
@@ -238,14 +266,19 @@ def macro(values: np.ndarray, category: np.ndarray) -> float:
 def begun(trial: Trial, options: settings.Network, data: TrainingSet, kept: Path) -> CuboidNetwork:
     """The network that a trial trains."""
     if trial.phase == "refinement":
-        first = load_network(kept / "default.safetensors")
+        shipped = trial.after == "shipped"
+        first = load_network(SHIPPED if shipped else kept / f"{trial.after}.safetensors")
+        if shipped:
+            return first
         network = CuboidNetwork(first.count, options, first.start)
+        if trial.begin == "shipped":
+            network = load_network(SHIPPED)
         network.initial_encoder.load_state_dict(first.initial_encoder.state_dict())
         network.initial_decoder.load_state_dict(first.initial_decoder.state_dict())
         network.inherit_encoder()
         return network
     if trial.begin == "shipped":
-        return load_network(settings.SHIPPED_WEIGHTS / "positive.safetensors")
+        return load_network(SHIPPED)
     start = start_points(data.mean_occupancy(), trial.positives, options.start)
     return CuboidNetwork(trial.positives, options, start)
 
