@@ -146,13 +146,17 @@ def loss_chart(
     return _epochs_chart(title, label, series, order, _Axis("loss", low, high, True), note)
 
 
-def validation_chart(phases: Mapping[str, Sequence[Mapping[str, float]]]) -> Markup | None:
+def validation_chart(
+    phases: Mapping[str, Sequence[Mapping[str, float]]], variant: str = ""
+) -> Markup | None:
     """IoU of validation models over the epochs of each phase, per cent.
 
     Parameters
     ----------
     phases : mapping of phase to records
         One record an epoch: `epoch`, and `iou_32` where validation models were measured.
+    variant : str
+        Named in the title.
 
     Returns
     -------
@@ -168,7 +172,7 @@ def validation_chart(phases: Mapping[str, Sequence[Mapping[str, float]]]) -> Mar
         return None
     highest = max(float(s.values.max()) for s in series)
     axis = _Axis("IoU at 32³, %", 0.0, min(100.0, 1.1 * highest + 1), False)
-    title = "validation models"
+    title = f"{variant}: validation models" if variant else "validation models"
     return _epochs_chart(title, f"IoU of {title}", series, list(phases), axis)
 
 
@@ -214,7 +218,7 @@ def _epochs_chart(
     note: str = "",
 ) -> Markup:
     """Lines over epochs, each named at its end; `order` gives the colours by name."""
-    (width, height), left, right, top, bottom = _EPOCHS_SIZE, 60.0, 104.0, 28.0, 38.0
+    (width, height), left, right, top, bottom = _EPOCHS_SIZE, 60.0, 124.0, 28.0, 38.0
     parts = [_text(left, 15, title, style="title")]
     epochs = np.concatenate([s.epochs for s in series])
     first, last = float(epochs.min()), float(epochs.max())
@@ -249,7 +253,7 @@ def _epochs_chart(
         x = float(at_x(s.epochs[-1]))
         parts.append(Markup('<path class="line {}" d="{}"/>').format(colour, path))
         parts.append(_circle(f"dot {colour}", x, end, 2.4))
-        parts.append(_text(width - right + 8, place + 3.5, s.name[:18], style=f"label {colour}"))
+        parts.append(_text(width - right + 8, place + 3.5, s.name[:20], style=f"label {colour}"))
     if note:
         parts.append(_text(width - 4, 15, note, "end", "muted"))
     return _svg(width, height, label, parts)

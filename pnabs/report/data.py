@@ -95,7 +95,7 @@ class ReportData:
     split : str
         Models the tables cover: a split's name, or `all`.
     seed : int
-    curves : mapping of phase to records
+    curves : mapping of (variant, phase) to records
         Each record is one epoch: `epoch`, and the losses by name; `total` is drawn bold.
     gallery : sequence of GalleryItem
         Shown in the order given, under their categories.
@@ -112,7 +112,7 @@ class ReportData:
     names: Mapping[str, str]
     split: str
     seed: int
-    curves: Mapping[str, Sequence[Mapping[str, float]]] = field(default_factory=dict)
+    curves: Mapping[tuple[str, str], Sequence[Mapping[str, float]]] = field(default_factory=dict)
     gallery: Sequence[GalleryItem] = ()
     quarantine: Sequence[Quarantined] = ()
     timings: Sequence[StageTiming] = ()

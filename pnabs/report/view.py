@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -172,14 +172,22 @@ def iou_charts(data: ReportData) -> list[Markup]:
 
 
 def loss_charts(data: ReportData) -> list[Markup]:
-    """A chart a training phase, and one of the validation models' IoU where there are any."""
+    """A chart a training phase, and one a variant of the validation models' IoU, where any is."""
     names = dict.fromkeys(
         key for records in data.curves.values() for record in records for key in record
     )
     terms = [name for name in names if name not in ("epoch", "total", VALIDATION)]
-    charts = [loss_chart(phase, records, terms) for phase, records in data.curves.items()]
-    validation = validation_chart(data.curves)
-    return charts if validation is None else [*charts, validation]
+    variants: dict[str, dict[str, Sequence[Mapping[str, float]]]] = {}
+    for (variant, phase), records in data.curves.items():
+        variants.setdefault(variant, {})[phase] = records
+    charts: list[Markup] = []
+    for variant, phases in variants.items():
+        shown = variant if len(variants) > 1 else ""
+        prefix = f"{shown}: " if shown else ""
+        charts += [loss_chart(prefix + name, records, terms) for name, records in phases.items()]
+        validation = validation_chart(phases, shown)
+        charts += [validation] if validation is not None else []
+    return charts
 
 
 def failures(data: ReportData) -> tuple[list[tuple[str, str]], list[Quarantined]]:

@@ -129,15 +129,18 @@ def _soup(triangles: Float64) -> Mesh:
     return Mesh(used.reshape(-1, 3), np.arange(3 * len(used)).reshape(-1, 3))
 
 
-def _curves(context: Context) -> dict[str, list[dict[str, float]]]:
+def _curves(context: Context) -> dict[tuple[str, str], list[dict[str, float]]]:
+    """Losses of each phase that a variant has at home: what it shares stands with another."""
     curves = {}
-    modules = ["positive", "negative"] if context.job.abstract.negatives else ["positive"]
-    if context.job.weights is not None:
-        return {}
-    for module in modules:
-        for phase, plan in zip(PHASES, phase_plans(context, "main", module), strict=True):
-            if is_done(plan):
-                curves[f"{module}-{phase}"] = json.loads((plan.folder / CURVES).read_bytes())
+    for variant, job in context.variants.items():
+        modules = () if job.weights is not None else ("positive", "negative")
+        for module in modules[: 1 + job.abstract.negatives]:
+            if context.home(f"train-{module}", variant).name != variant:
+                continue
+            for phase, plan in zip(PHASES, phase_plans(context, variant, module), strict=True):
+                if is_done(plan):
+                    records = json.loads((plan.folder / CURVES).read_bytes())
+                    curves[variant, f"{module}-{phase}"] = records
     return curves
 
 

@@ -114,7 +114,7 @@ def report() -> Callable[..., ReportData]:
             "names": names,
             "split": "test",
             "seed": 0,
-            "curves": {"positive-initial": [{"epoch": 1, "fit1": 0.1, "total": 0.2}]},
+            "curves": {("main", "positive-initial"): [{"epoch": 1, "fit1": 0.1, "total": 0.2}]},
             "gallery": [item, bare],
             "quarantine": [Quarantined("ingest", "bus", "b", "crash", "signal 11")],
             "timings": [StageTiming("ingest", 7265.0, 7, 1, 512 * 2**20)],

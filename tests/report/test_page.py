@@ -80,7 +80,7 @@ def test_hostile_names_and_reasons_are_shown_as_text(report):
         model_id=HOSTILE,
         names={HOSTILE: HOSTILE},
         title=HOSTILE,
-        curves={HOSTILE: [{"epoch": 1, HOSTILE: 1.0}]},
+        curves={(HOSTILE, HOSTILE): [{"epoch": 1, HOSTILE: 1.0}]},
         quarantine=[Quarantined(HOSTILE, HOSTILE, HOSTILE, HOSTILE, HOSTILE)],
         timings=[StageTiming(HOSTILE, 1.0, 1, 0)],
         settings_yaml=HOSTILE,
@@ -151,6 +151,21 @@ def test_tables_are_turned_when_there_are_many_categories(row, table):
         key = ("c03 (5)", "positives only") if turned else ("positives only", "c03")
         assert cells[key] == "40.00"
         assert "50.00 to 50.00" in cells.values()
+
+
+def test_variants_stand_side_by_side_and_have_their_own_curves(report, row, table):
+    rows = [row("a", f"m{i}", iou_32=0.6 + i / 100) for i in range(6)]
+    worse = [row("a", f"m{i}", iou_32=0.5 + i / 100) for i in range(6)]
+    tables = build_tables({"main": table(rows), "plain": table(worse)}, np.random.default_rng(0))
+    record = {"epoch": 0, "total": 1.0, "iou_32": 0.5}
+    curves = {(name, "positive-initial"): [record] for name in ("main", "plain")}
+    page = render_page(report(tables=tables, rows={"main": table(rows)}, curves=curves))
+    section = page.partition('<section id="variants">')[2].partition("</section>")[0]
+    assert "main minus plain" in section
+    assert "+10.00" in section
+    for title in ("main: positive-initial", "plain: validation models"):
+        assert f">{title}</text>" in page
+    assert 'id="variants"' not in render_page(report())
 
 
 def test_long_lists_of_failures_are_cut_and_the_rest_counted(report):
