@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,13 @@ from typing import Any
 import click
 import numpy as np
 import torch
-import torch.nn.functional as F
 
 from pnabs import settings
 from pnabs.dataset import catalogue
 from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.types import Bool, Cuboids
 from pnabs.model.checkpoint import load_network, save_network
-from pnabs.model.data import Batch, TrainingSet
+from pnabs.model.data import TrainingSet
 from pnabs.model.memory import keep_freed_memory
 from pnabs.model.network import CuboidNetwork
 from pnabs.model.objective import Objective, Phase, make_optimizer
@@ -50,8 +49,7 @@ STEPS = {"initial": 1440, "refinement": 720}
 
 SHIPPED = settings.SHIPPED_WEIGHTS / "positive.safetensors"
 
-TURN, STRETCH = 15.0, 0.2
-"""Of the augmentation by turns (degrees, about +Y) and stretches (share, along each axis)."""
+TURNED: dict[str, Any] = {"turn": 15.0, "stretch": 0.2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,52 +194,6 @@ def joined(a: TrainingSet, b: TrainingSet) -> TrainingSet:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Turned:
-    """A training set whose batches are turned and stretched at random, half of the shapes."""
-
-    inner: TrainingSet
-
-    def batch(
-        self, rows: np.ndarray, training: settings.Training, generator: torch.Generator
-    ) -> Batch:
-        """A batch, seen through one affine map a shape."""
-        batch = self.inner.batch(rows, training, generator)
-        count = len(rows)
-        draw = torch.rand((count, 4), generator=generator) * 2 - 1
-        draw *= (torch.rand((count, 1), generator=generator) < 0.5).float()
-        angle = torch.deg2rad(TURN * draw[:, 0])
-        zero, one = torch.zeros(count), torch.ones(count)
-        turn = torch.stack(
-            [angle.cos(), zero, angle.sin(), zero, one, zero, -angle.sin(), zero, angle.cos()], -1
-        ).view(-1, 3, 3)
-        # Stretched, then as large as before: the longest side stays within the cube.
-        stretch = 1 + STRETCH * draw[:, 1:]
-        extent = (batch.points.abs().amax(dim=1) * stretch).amax(dim=1, keepdim=True)
-        largest = batch.points.abs().amax(dim=(1, 2)).unsqueeze(1)
-        map_ = turn * (stretch * largest / extent).unsqueeze(1)
-        back = torch.linalg.inv(map_)
-        # grid_sample counts axes from the last; coordinates of -1 and 1 are the cube's sides.
-        theta = torch.cat([back.flip(1, 2), torch.zeros(count, 3, 1)], dim=2)
-        grid = F.affine_grid(theta, batch.occupancy.shape, align_corners=False)
-        occupancy = F.grid_sample(
-            batch.occupancy, grid, mode="nearest", padding_mode="zeros", align_corners=False
-        )
-        sdf = F.grid_sample(batch.sdf, grid, padding_mode="border", align_corners=False)
-        cells = batch.cells
-        side = ((cells / 1.1 + 0.5) * 32).long().clamp(0, 31)
-        flat = (side[..., 0] * 32 + side[..., 1]) * 32 + side[..., 2]
-        return replace(
-            batch,
-            occupancy=occupancy,
-            sdf=sdf,
-            points=batch.points @ map_.transpose(1, 2),
-            inside=occupancy.flatten(1).gather(1, flat),
-            # A turned shape has no mirror plane along the axes.
-            mirror=torch.where(draw[:, 0] == 0, batch.mirror, -1),
-        )
-
-
 def scores(network: CuboidNetwork, shown: Models, iterations: int) -> tuple[np.ndarray, float]:
     """`iou_32` of each model, and CPU seconds a model of the prediction."""
     started = time.process_time()
@@ -289,7 +241,10 @@ def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
     training = dict(trial.training)
     seed = training.pop("seed", 0)
     options = settings.Training(
-        batch_size=BATCH, losses=settings.LossWeights(**trial.losses), **training
+        batch_size=BATCH,
+        losses=settings.LossWeights(**trial.losses),
+        **training,
+        **(TURNED if trial.turned else {}),
     )
     shown = models(run, "val")
     learnt = models(run, "train")
@@ -317,11 +272,10 @@ def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
     epochs = max(1, round(steps / max(1, round(len(data) / BATCH))))
     options = options.model_copy(update={"epochs": epochs})
     optimizer = make_optimizer(objective, options)
-    source: Any = Turned(data) if trial.turned else data
     started = time.process_time()
     for epoch in range(epochs):
         order = epoch_order(len(data), epoch, seed)
-        last = train_epoch(objective, optimizer, source, order, options, epoch=epoch, seed=seed)
+        last = train_epoch(objective, optimizer, data, order, options, epoch=epoch, seed=seed)
     spent = time.process_time() - started
     iterations = settings.Abstract().iterations if trial.phase == "refinement" else 0
     values, seconds = scores(network, shown, iterations)

@@ -180,6 +180,9 @@ class LossWeights(Group):
 class Training(Group):
     """The four phases: initial and refinement, of the positive and then the negative module."""
 
+    begin: Annotated[Path | Literal["shipped"] | None, BeforeValidator(_weights)] = None
+    """Trained weights that both modules begin with: a folder, or `shipped` for those that come with
+    pnabs. `network` must be as theirs."""
     epochs: PositiveInt = 150
     """Epochs a phase."""
     batch_size: PositiveInt = 32
@@ -213,9 +216,20 @@ class Training(Group):
     """Eq. 7's threshold for rotation, in degrees."""
     mirror_augment: bool = True
     """Show each shape mirrored every other time, across its own mirror axis' plane."""
+    turn: Annotated[float, Field(ge=0, le=45)] = 0.0
+    """Show half of the shapes turned about the up axis, by an angle up to this, in degrees."""
+    stretch: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    """Show those shapes stretched along each axis, too, by a share up to this."""
     losses: LossWeights = LossWeights()
     workers: PositiveInt = 1
     """Data-parallel training processes."""
+
+    def begin_weights(self, module: str) -> Path | None:
+        """The file of a module's weights to begin with; None to begin with nothing."""
+        if self.begin is None:
+            return None
+        folder = SHIPPED_WEIGHTS if self.begin == "shipped" else self.begin
+        return folder / f"{module}.safetensors"
 
 
 class Difference(Group):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -116,7 +117,7 @@ class TrainingSet:
         """The shapes `indices` (B,) with freshly drawn samples.
 
         `training` gives the numbers of samples and whether shapes are mirrored at random across
-        their own plane.  The draws depend on the generator alone.
+        their own plane, turned and stretched.  The draws depend on the generator alone.
         """
         count = len(indices)
         occupancy = np.unpackbits(self.occupancy[indices], axis=1)
@@ -140,7 +141,11 @@ class TrainingSet:
         )
         if training.mirror_augment:
             flip = torch.rand(count, generator=generator) < 0.5
-            return mirrored(batch, torch.where(flip, batch.mirror, -1))
+            batch = mirrored(batch, torch.where(flip, batch.mirror, -1))
+        if training.turn or training.stretch:
+            draw = torch.rand((count, 4), generator=generator) * 2 - 1
+            draw *= (torch.rand((count, 1), generator=generator) < 0.5).float()
+            batch = turned(batch, training.turn * draw[:, 0], 1 + training.stretch * draw[:, 1:])
         return batch
 
 
@@ -160,6 +165,44 @@ def mirrored(batch: Batch, axis: Tensor) -> Batch:
         inside=batch.inside,
         mirror=batch.mirror,
         shape_interior=None if interior is None else cuboids.mirror_points(interior, axis),
+    )
+
+
+def turned(batch: Batch, degrees: Tensor, stretch: Tensor) -> Batch:
+    """The batch with each shape stretched along the axes, then turned about the up axis, +Y.
+
+    Stretched shapes are scaled so that their farthest coordinate stays as far; what a turn takes
+    out of the grid is lost.  Signed distances stay those of before, which is exact for turns.
+
+    Parameters
+    ----------
+    degrees : (B,)
+    stretch : (B, 3)
+        Factors along x, y and z.
+    """
+    angle = torch.deg2rad(degrees)
+    cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros_like(angle), torch.ones_like(angle)
+    turn = torch.stack([cos, zero, sin, zero, one, zero, -sin, zero, cos], -1).view(-1, 3, 3)
+    farthest = batch.points.abs().amax(dim=1)
+    longest = farthest.amax(dim=1, keepdim=True)
+    stretch = stretch * longest / (farthest * stretch).amax(dim=1, keepdim=True)
+    forth = turn * stretch.unsqueeze(1)
+    # affine_grid leads from places of the result to those of the source, last axis first.
+    back = torch.linalg.inv(forth).flip(1, 2)
+    grid = F.affine_grid(F.pad(back, (0, 1)), list(batch.occupancy.shape), align_corners=False)
+    occupancy = F.grid_sample(batch.occupancy, grid, mode="nearest", align_corners=False)
+    cells = ((batch.cells / GRID_SIDE + 0.5) * RESOLUTION).long()
+    flat = (cells[..., 0] * RESOLUTION + cells[..., 1]) * RESOLUTION + cells[..., 2]
+    interior = batch.shape_interior
+    return Batch(
+        occupancy=occupancy,
+        sdf=F.grid_sample(batch.sdf, grid, padding_mode="border", align_corners=False),
+        points=batch.points @ forth.transpose(1, 2),
+        cells=batch.cells,
+        inside=occupancy.flatten(1).gather(1, flat),
+        # A turned shape's mirror plane isn't along the axes.
+        mirror=torch.where(degrees == 0, batch.mirror, -1),
+        shape_interior=None if interior is None else interior @ forth.transpose(1, 2),
     )
 
 

@@ -64,7 +64,9 @@ def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bo
     lines += other
     if not lines or accept:
         return
-    redone = _redone(identity, job, with_weights=bool(other))
+    redone = _redone(identity, job, begin=any("/begin/" in line for line in other))
+    if other and "abstract" not in redone:
+        redone.append("abstract")
     raise RefusedError(
         "the job differs from what this run folder was made with:\n"
         + "\n".join(lines)
@@ -74,16 +76,26 @@ def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bo
 
 
 def given_weights(job: Job) -> dict[str, str]:
-    """Digests of the weights that a job gives, `<variant>/<module>` -> SHA-256."""
-    return {
-        f"{name}/{path.stem}": file_digest(path)["sha256"]
-        for name, settings in job.variants().items()
-        if settings.weights_folder is not None
-        for path in sorted(settings.weights_folder.glob("*.safetensors"))
-    }
+    """Digests of the weights that a job gives: path in the run folder's terms -> SHA-256.
+
+    `<variant>/<module>` are those it predicts with, `<variant>/begin/<module>` those that training
+    begins with.
+    """
+    given = {}
+    for name, settings in job.variants().items():
+        folder = settings.weights_folder
+        if folder is not None:
+            for path in sorted(folder.glob("*.safetensors")):
+                given[f"{name}/{path.stem}"] = file_digest(path)["sha256"]
+            continue
+        for module in ("positive", "negative"):
+            begin = settings.training.begin_weights(module)
+            if begin is not None and begin.is_file():
+                given[f"{name}/begin/{module}"] = file_digest(begin)["sha256"]
+    return given
 
 
-def _redone(identity: dict[str, Any], job: Settings, *, with_weights: bool) -> list[str]:
+def _redone(identity: dict[str, Any], job: Settings, *, begin: bool) -> list[str]:
     """Stages in which something is to be done again, in their order."""
     try:
         before = Settings.model_validate(identity["settings"])
@@ -99,7 +111,9 @@ def _redone(identity: dict[str, Any], job: Settings, *, with_weights: bool) -> l
     wanted = {
         (stage, recipe_digest(stage, new)) for new in now.values() for stage in stages_of(new)
     }
-    changed = {stage for stage, _ in wanted - done} | ({"abstract"} if with_weights else set())
+    changed = {stage for stage, _ in wanted - done}
+    if begin:
+        changed |= {stage for stage, _ in wanted} - {"ingest"}
     return [stage for stage in VERSIONS if stage in changed]
 
 

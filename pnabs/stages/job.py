@@ -149,7 +149,7 @@ def _with_variant_presets(
 def _absolute(settings: Settings) -> Settings:
     """Workers run elsewhere: paths are made absolute where the job is read."""
     dataset = settings.dataset
-    root, weights = dataset.root, settings.weights
+    root, weights, begin = dataset.root, settings.weights, settings.training.begin
     paths: dict[str, Any] = {"root": root if isinstance(root, str) else root.absolute()}
     if isinstance(dataset.split, Path):
         paths["split"] = dataset.split.absolute()
@@ -158,6 +158,9 @@ def _absolute(settings: Settings) -> Settings:
             "out": settings.out.absolute(),
             "weights": weights.absolute() if isinstance(weights, Path) else weights,
             "dataset": dataset.model_copy(update=paths),
+            "training": settings.training.model_copy(
+                update={"begin": begin.absolute() if isinstance(begin, Path) else begin}
+            ),
         }
     )
 
@@ -249,12 +252,15 @@ def check_weights(job: Job) -> None:
     for name, settings in job.variants().items():
         modules = ("positive", "negative") if settings.abstract.negatives else ("positive",)
         for module in modules:
-            weights = settings.weights_folder
-            if weights is not None and not (weights / f"{module}.safetensors").is_file():
-                place = job.where.get(("weights",)) or job.where.get(
-                    ("variants", name), str(job.path)
-                )
-                raise JobError(f"{place}: weights: there is no {module}.safetensors in {weights}")
+            given = settings.weights_folder
+            key: tuple[str, ...] = ("weights",)
+            path = given / f"{module}.safetensors" if given is not None else None
+            if path is None:
+                key, path = ("training", "begin"), settings.training.begin_weights(module)
+            if path is not None and not path.is_file():
+                place = job.where.get(key) or job.where.get(("variants", name), str(job.path))
+                words = f"{'.'.join(key)}: there is no {path.name} in {path.parent}"
+                raise JobError(f"{place}: {words}")
 
 
 def _lines(

@@ -18,7 +18,7 @@ from pnabs.stages.errors import UsageError
 from pnabs.stages.job import Job
 from pnabs.stages.plan import fingerprint, homes, recipe_digest, stages_of
 from pnabs.stages.training_models import TrainingModels
-from pnabs.store.atomic import is_as_written
+from pnabs.store.atomic import file_digest, is_as_written
 from pnabs.store.events import read_events
 from pnabs.store.run import RunFolder, Variant
 from pnabs.store.sealed import SealError, unseal
@@ -44,7 +44,8 @@ class PhasePlan:
     validation
         Models of the validation split that are measured after each epoch; they change nothing.
     inherits
-        Weights of the initial phase that refinement starts from.
+        Weights that the phase begins with: for refinement those of the initial phase, for the
+        initial one those of `training.begin`, if any.
     """
 
     job: Settings
@@ -105,12 +106,13 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     models = training_models(context, variant, module)
     validation = training_models(context, variant, module, "val").few(VALIDATION_MODELS)
     plans: list[PhasePlan] = []
-    before = None
+    begin = job.training.begin_weights(module)
+    before = None if begin is None else file_digest(begin)["sha256"]
     for phase in PHASES:
         inputs = {"phase": phase, "models": models.digest, "before": before}
         mark = fingerprint(recipe, inputs)
         mark = context.kept_weights.get(kept_key(recipe, phase), mark)
-        inherits = plans[-1].folder / WEIGHTS if plans else None
+        inherits = plans[-1].folder / WEIGHTS if plans else begin
         plans.append(
             PhasePlan(job, home, volumes, module, phase, mark, models, validation, inherits)
         )

@@ -118,7 +118,8 @@ def _train_phase(
         network = CuboidNetwork(count, job.network, start)
     else:
         network = load_network(plan.inherits)
-        network.inherit_encoder()
+        if plan.phase == "refinement":
+            network.inherit_encoder()
     objective = Objective(network.to(device), plan.module, plan.phase, training)  # type: ignore[arg-type]
     optimizer = make_optimizer(objective, training)
 

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from pnabs import settings
-from pnabs.geometry.types import cell_centres
-from pnabs.model.data import Batch, TrainingSet, mirrored
+from pnabs.geometry.types import cell_centres, grid_points
+from pnabs.model.data import Batch, TrainingSet, mirrored, turned
 from pnabs.model.field import interpolate
 from tests.model.shapes import training_set
 
@@ -78,6 +78,60 @@ def test_mirrored_batch_is_consistent() -> None:
         before = interpolate(batch.sdf, getattr(batch, name))
         after = interpolate(image.sdf, getattr(image, name))
         np.testing.assert_allclose(after, before, atol=1e-5)
+
+
+def test_turned_batch_is_the_turned_box() -> None:
+    low, high = np.array([-0.1, -0.3, -0.2]), np.array([0.3, 0.2, 0.0])
+    data = replace(
+        training_set([[(tuple(low), tuple(high))]] * 3), mirror=np.zeros(3, dtype=np.int8)
+    )
+    batch = data.batch(np.arange(3), TRAINING, torch.Generator().manual_seed(0))
+    degrees, stretch = np.array([30.0, -20.0, 0.0]), np.array([[1, 1, 1], [0.8, 1.2, 1], [1, 1, 1]])
+    found = turned(batch, torch.tensor(degrees).float(), torch.tensor(stretch).float())
+    for row in range(3):
+        # The farthest coordinate, here of y, stays as far.
+        farthest = batch.points[row].abs().amax(dim=0).numpy()
+        factor = stretch[row] * farthest.max() / (stretch[row] * farthest).max()
+        angle = np.deg2rad(degrees[row])
+        about_y = np.array(
+            [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        )
+        forth = about_y @ np.diag(factor)
+        expected = batch.points[row].numpy() @ forth.T
+        np.testing.assert_allclose(found.points[row], expected, atol=1e-6)
+        # A cell of the result is occupied where its place in the box as it was is.
+        own = grid_points(32) @ np.linalg.inv(forth).T
+        depth = np.minimum(own - low, high - own).min(axis=1)
+        sure = np.abs(depth) > 0.02  # a cell's half diagonal, and nearest neighbours
+        occupied = found.occupancy[row].numpy().ravel().astype(bool)
+        assert (depth > 0.03).sum() > 100
+        np.testing.assert_array_equal(
+            occupied[np.abs(depth) > 0.04], depth[np.abs(depth) > 0.04] > 0
+        )
+        assert (occupied == (depth > 0))[sure].mean() > 0.99
+    assert found.mirror.tolist() == [-1, -1, 0]
+    assert torch.equal(found.occupancy[2], batch.occupancy[2])
+    # Turns keep distances: the field at turned samples is what it was.
+    before, after = (interpolate(b.sdf, b.points)[0] for b in (batch, found))
+    np.testing.assert_allclose(after, before, atol=0.02)
+    assert found.shape_interior is not None
+    assert (interpolate(found.sdf, found.shape_interior)[0] < 0.01).all()
+    index = ((found.cells / 1.1 + 0.5) * 32).long()
+    bits = found.occupancy[torch.arange(3)[:, None], 0, index[..., 0], index[..., 1], index[..., 2]]
+    assert torch.equal(found.inside, bits)
+
+
+def test_half_of_the_shapes_are_turned(five: TrainingSet) -> None:
+    training = TRAINING.model_copy(update={"turn": 15.0})
+    rows = np.zeros(200, dtype=np.int64)
+    plain = five.batch(rows, TRAINING, torch.Generator().manual_seed(0))
+    batch = five.batch(rows, training, torch.Generator().manual_seed(0))
+    kept = (batch.points == plain.points).all(dim=(1, 2))
+    assert 70 < int(kept.sum()) < 130
+    # Only directions change: distances to the axis +Y and heights stay.
+    np.testing.assert_array_equal(batch.points[..., 1], plain.points[..., 1])
+    radii = [points[..., [0, 2]].norm(dim=-1) for points in (batch.points, plain.points)]
+    np.testing.assert_allclose(*radii, atol=1e-6)
 
 
 def test_augmentation_mirrors_about_every_other_shape() -> None:
