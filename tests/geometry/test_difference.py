@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import settings as law
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from pnabs import settings
 from pnabs.geometry import cuboid
-from pnabs.geometry.difference import Difference, difference
+from pnabs.geometry.difference import Difference, difference, difference_volume
 from pnabs.geometry.types import GRID_SIDE, THETA_D, Cuboids, cell_centres, grid_points
 from tests.geometry.boxes import axis_aligned, random_cuboids, surface_of
 
@@ -64,6 +65,67 @@ def test_volume_is_as_defined(seed: int, preprocess: bool) -> None:
         assert not expected.any()
     else:
         np.testing.assert_array_equal(found.occupancy, expected)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_theta_d_is_the_same_on_a_finer_grid(seed: int) -> None:
+    positives = random_cuboids(seed, 3, low=0.3, high=0.9)
+    shape = random_cuboids(seed + 1, 3, low=0.05)
+    points = grid_points(64)
+    sdf = cuboid.union_sdf(points, shape).reshape(64, 64, 64).astype(np.float32)
+    inside = cuboid.contains(points, positives).any(axis=0).reshape(sdf.shape)
+    volume = inside & (sdf >= 0)
+    around = np.pad(volume, 1)
+    neighbours = [
+        np.roll(around, step, axis)[1:-1, 1:-1, 1:-1] for axis in range(3) for step in (-1, 1)
+    ]
+    expected = volume & (np.all(neighbours, axis=0) | (sdf >= 1.1 / 32))
+    found = difference_volume(positives, sdf < 0, sdf, settings.Difference())
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("preprocess", [True, False])
+def test_field_is_as_defined_everywhere(preprocess: bool) -> None:
+    positives = random_cuboids(3, 3, low=0.3, high=0.8)
+    shape = random_cuboids(4, 2)
+    found = take(positives, shape, preprocess=preprocess)
+    assert found is not None
+    points = grid_points(32)
+    slabs = []
+    for scale, turn, centre in zip(
+        positives.scale, positives.rotation, positives.translation, strict=True
+    ):
+        local = Rotation.from_quat(turn, scalar_first=True).inv().apply(points - centre)
+        gaps = np.abs(local) - scale / 2
+        slabs.append(np.linalg.norm(gaps.clip(0), axis=1) + gaps.max(axis=1).clip(max=0))
+    to_union = np.min(slabs, axis=0).reshape(32, 32, 32)
+    _, sdf, _ = shape_fields(shape)
+    theta = 1.1 / 32 if preprocess else 0.0
+    np.testing.assert_allclose(found.sdf, np.maximum(to_union, theta - sdf), atol=1e-6)
+    assert (found.sdf > 0.1).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_samples_follow_the_nearer_surface(seed: int) -> None:
+    positives = random_cuboids(seed, 4, low=0.3, high=0.8)
+    shape = random_cuboids(seed + 50, 2)
+    found = take(positives, shape)
+    assert found is not None
+    _, sdf, surface = shape_fields(shape)
+    moved = (surface[:, :3].astype(float) + THETA_D * surface[:, 3:]).astype(np.float32)
+    from_shape = cKDTree(moved).query(found.surface)[0] < 1e-6
+    assert 0 < from_shape.sum() < len(found.surface)
+    to_union = cuboid.union_sdf(grid_points(32), positives).reshape(sdf.shape)
+    # Those of the positives lie on the outside of their union.
+    on_union = cuboid.union_sdf(found.surface[~from_shape], positives)
+    np.testing.assert_allclose(on_union, 0, atol=1e-5)
+    for chosen, nearer in (
+        (from_shape, np.abs(to_union) >= sdf.clip(0)),
+        (~from_shape, np.abs(to_union) < sdf.clip(0)),
+    ):
+        voxels = cell_centres(32)[np.argwhere(found.occupancy & nearer)]
+        gap, _ = cKDTree(voxels).query(found.surface[chosen])
+        assert gap.max() <= VOXEL + 1e-6
 
 
 def test_layer_at_the_shape_is_removed_and_no_other() -> None:
@@ -134,7 +196,8 @@ def test_few_candidates_are_drawn_again() -> None:
     assert found is not None
     assert found.occupancy.sum() == 1
     assert len(found.surface) == 600
-    assert len(np.unique(found.surface, axis=0)) < 600
+    # As many points as a kept voxel takes, in front of it the nearest ones.
+    assert len(np.unique(found.surface, axis=0)) == settings.Difference().points_per_voxel
 
 
 @pytest.mark.parametrize("preprocess", [True, False])

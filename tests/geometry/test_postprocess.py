@@ -133,6 +133,37 @@ def test_of_two_that_coincide_the_greater_stays() -> None:
     assert kept.translation[0, 0] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_either_share_in_common_suppresses(order: list[int]) -> None:
+    # Most of the small one lies in the large one, which holds less of V_delta: the small one
+    # stays, although only a tenth of the large one lies in it.
+    small, large = ([0.2] * 3, [0.0, -0.1, 0.0]), ([0.3, 0.4, 0.4], [0.11, -0.1, 0.0])
+    points = grid_points(32)
+    inside = (np.abs(points - [0.0, -0.1, 0.0]) < 0.1 + THETA_D).all(axis=1)
+    kept, report = clean(
+        axis_aligned(*[(small, large)[i] for i in order]),
+        difference=inside.reshape(32, 32, 32),
+        max_gap=50.0,
+    )
+    assert report.suppressed == 1
+    assert kept.translation[0, 0] == 0
+
+
+@pytest.mark.parametrize(("share", "discarded"), [(0.012, 0), (0.03, 1)])
+def test_overlap_counts_where_no_sample_tells_of_it(share: float, discarded: int) -> None:
+    negative = axis_aligned(([0.5, 0.5, 0.5], [0, 0, 0]))
+    side = 0.5 * share ** (1 / 3)
+    touching = np.array([[0.25, 0, 0, 1, 0, 0]], dtype=np.float32)
+    _, report = clean(
+        negative,
+        surface=touching,
+        shape=axis_aligned(([side] * 3, [0.01, 0.02, 0.03])),
+        difference=np.ones((32, 32, 32), dtype=np.bool_),
+    )
+    assert (report.grown, report.shrunk) == (0, 0)
+    assert report.discarded_overlap == discarded
+
+
 def test_switched_off_nothing_is_touched() -> None:
     negatives = random_cuboids(0, 8)
     kept, report = clean(negatives, postprocess=False)

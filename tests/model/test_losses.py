@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from torch import Tensor
 
 from pnabs import settings
 from pnabs.geometry.types import THETA_D, grid_points
+from pnabs.model import cuboids as geometry
 from pnabs.model import losses
 from pnabs.model.data import Batch
+from pnabs.model.field import interpolate
 from pnabs.model.losses import TERMS, View, active_terms
 from tests.model.shapes import CHAIR, box_sdf, boxes_sdf, matrix, random_cuboids
 
@@ -66,6 +69,20 @@ def test_fit1_is_the_mean_over_the_volume(
         points = np.einsum("pij,pj->pi", rotations, unit * row[picks, :3]) + row[picks, 7:]
         each.append((boxes_sdf(points, CHAIR).clip(0) ** 2).mean())
     assert found == pytest.approx(np.mean(each), rel=0.05)
+
+
+def test_fit1_point_by_point(batch: Batch, rng: np.random.Generator) -> None:
+    """On its own draws, so to the last digits: small shapes count as much as large ones."""
+    cuboids = random_cuboids(rng, BATCH, COUNT)
+    cuboids[1, :, :3] *= 0.3
+    found = float(losses.fit1(view(batch, cuboids, seed=3)))
+    points = geometry.sample_volume(cuboids, 2000, torch.Generator().manual_seed(3))
+    signed = interpolate(batch.sdf, points.flatten(1, 2)).view(points.shape[:3]).numpy()
+    squares = np.maximum(signed, 0) ** 2
+    assert (squares > 0).any()
+    volume = cuboids[..., :3].prod(dim=-1).numpy()
+    each = (volume * squares.mean(axis=2)).sum(axis=1) / volume.sum(axis=1)
+    assert found == pytest.approx(each.mean(), rel=1e-6)
 
 
 def test_fit1_vanishes_inside_the_shape(batch: Batch) -> None:
@@ -155,6 +172,32 @@ def test_self_overlap_of_axis_aligned_boxes() -> None:
     np.testing.assert_allclose(found[0], expected, atol=0.02)
 
 
+def test_self_overlap_of_turned_boxes(batch: Batch, rng: np.random.Generator) -> None:
+    """Against 20,000 uniform points of each box."""
+    cuboids = random_cuboids(rng, BATCH, 10)
+    cuboids[..., 7:] *= 0.3
+    found = losses.self_overlap(cuboids, batch.mirror).numpy()
+    assert ((found > 0.1) & (found < 0.9)).sum() > 5
+    for b, n in np.ndindex(BATCH, 10):
+        c = cuboids[b, n].numpy()
+        points = rng.uniform(-0.5, 0.5, (20_000, 3)) * c[:3] @ matrix(c).T + c[7:]
+        points[:, batch.mirror[b]] *= -1
+        inside = (distance_to(c, points) == 0).mean()
+        assert found[b, n] == pytest.approx(inside / (2 - inside), abs=0.06)
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("offset", [0.02, 0.0655, 0.0775, 0.11])
+def test_conditional_symmetry_leaves_out_what_overlaps_more_than_alpha(
+    batch: Batch, offset: float, alpha: float
+) -> None:
+    box = torch.tensor([[[0.25, 0.2, 0.2, 1, 0, 0, 0, offset, 0, 0]]] * BATCH, dtype=torch.float64)
+    iou = (0.25 - 2 * offset) / (0.25 + 2 * offset)
+    training = TRAINING.model_copy(update={"symmetry_alpha": alpha})
+    seen = View((box,), batch, training, 0.5, torch.Generator())
+    assert (float(losses.conditional_symmetry(seen)) > 0) == (iou <= alpha)
+
+
 def test_conditional_symmetry_counts_only_cuboids_apart_from_their_image(batch: Batch) -> None:
     batch.mirror[:] = 0
     middle = torch.tensor([0.3, 0.2, 0.2, 1, 0, 0, 0, 0.02, 0, 0])
@@ -185,6 +228,47 @@ def test_regularisation_by_hand(batch: Batch) -> None:
     steps = [torch.tensor([[c]] * BATCH, dtype=torch.float64) for c in (start, moved, grown)]
     expected = ((0.05 - 0.02) ** 2 + math.radians(10) ** 2) / 2
     assert float(losses.regularisation(view(batch, *steps))) == pytest.approx(expected)
+
+
+def test_regularisation_against_numpy(batch: Batch, rng: np.random.Generator) -> None:
+    """Several cuboids and iterations, each term above its own threshold, angles from traces."""
+    training = TRAINING.model_copy(
+        update={"theta_scale": 0.03, "theta_translation": 0.05, "theta_rotation": 10.0}
+    )
+    steps = [random_cuboids(rng, BATCH, 4)]
+    for _ in range(3):
+        after = steps[-1] + torch.from_numpy(rng.normal(0, 0.06, (BATCH, 4, 10)))
+        after[..., 3:7] /= after[..., 3:7].norm(dim=-1, keepdim=True)
+        steps.append(after)
+    steps[1][0, 0, 3:7] *= -1  # the same rotation
+    excess = []
+    for before, after in pairwise(step.numpy() for step in steps):
+        for b, n in np.ndindex(BATCH, 4):
+            old, new = before[b, n], after[b, n]
+            cos = (np.trace(matrix(old).T @ matrix(new)) - 1) / 2
+            excess.append(
+                [
+                    np.linalg.norm(new[:3] - old[:3]) - 0.03,
+                    np.linalg.norm(new[7:] - old[7:]) - 0.05,
+                    math.acos(cos) - math.radians(10),
+                ]
+            )
+    above = np.maximum(excess, 0)
+    assert (above > 0).any(axis=0).all()
+    assert (above == 0).any()
+    found = losses.regularisation(View(tuple(steps), batch, training, 0.5, torch.Generator()))
+    assert float(found) == pytest.approx((above**2).sum(axis=1).mean())
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_rotation_angle_has_a_finite_gradient_at_zero(sign: float) -> None:
+    q = torch.tensor([0.5, 0.5, -0.5, 0.5])
+    after = (sign * q).requires_grad_()
+    angle = losses.rotation_angle(q, after)
+    angle.backward()  # type: ignore[no-untyped-call]
+    assert float(angle.detach()) == 0
+    assert after.grad is not None
+    assert torch.isfinite(after.grad).all()
 
 
 def test_separation_point_by_point(batch: Batch, cuboids: Tensor) -> None:

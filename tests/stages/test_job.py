@@ -51,10 +51,30 @@ def test_the_papers_preset_is_below_what_the_file_says(tmp_path: Path) -> None:
     path = job_file(tmp_path, MINIMAL + "preset: paper\ntraining: {schedule: cosine}\n")
     settings = load_job(path).settings
     assert settings.network.channels == (4, 8, 16, 32, 64)
-    assert settings.training.losses.occupancy == 0
-    assert not settings.abstract.fit
     assert settings.training.schedule == "cosine"
-    assert settings.training.batch_size == 32
+
+
+def test_the_papers_preset_has_its_numbers(tmp_path: Path) -> None:
+    """Sections 3.5 and 4.1 of the paper, and what METHOD says where they are silent."""
+    found = load_job(job_file(tmp_path, MINIMAL + "preset: paper\n")).settings
+    training = found.training
+    assert (training.learning_rate, training.encoder_learning_rate) == (1e-3, 1e-4)
+    assert (training.betas, training.batch_size, training.epochs) == ((0.9, 0.999), 32, 150)
+    assert (training.schedule, training.iterations, training.burn_in) == ("constant", 3, 0)
+    assert (training.theta_scale, training.theta_translation) == (0.02, 0.02)
+    assert (training.theta_rotation, training.symmetry_alpha) == (20, 0.3)
+    augmented = (training.mirror_augment, training.turn, training.stretch, training.begin)
+    assert augmented == (False, 0, 0, None)
+    weights = {"fit1": 1, "fit2": 1, "symmetry": 1, "regularisation": 1, "separation": 1}
+    assert training.losses.model_dump() == weights | {"occupancy": 0}
+    network = found.network
+    assert (network.positives, network.negatives) == (12, 8)
+    assert (network.channels, network.hidden) == ((4, 8, 16, 32, 64), 64)
+    assert network.refine_input == "vector"
+    assert found.difference.preprocess
+    abstract = found.abstract
+    assert (abstract.fit, abstract.postprocess, abstract.negatives) == (False, True, True)
+    assert (abstract.iterations, abstract.debris) == (3, 0.01)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,15 @@ import numpy as np
 import pytest
 
 from pnabs.dataset.samples import write_collection
+from pnabs.stages.context import split_shard
 from pnabs.stages.errors import RefusedError, UsageError
 from pnabs.stages.job import JobError
+from pnabs.stages.phases import training_models
+from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Result
+from pnabs.stages.status import stored_context
+from pnabs.stages.training_data import load_training_set
+from pnabs.store.run import RunFolder
 from tests.system.conftest import Launcher
 
 LAST = 3
@@ -53,6 +59,33 @@ def test_training_begins_with_given_weights(
     (begin / "positive.safetensors").unlink()
     with pytest.raises(JobError, match=r"training.begin: there is no positive.safetensors in"):
         launch(out, *changes, stages=stages)
+
+
+def test_separation_looks_at_the_original_solid(finished: tuple[Path, Result]) -> None:
+    """The negative module's other samples are of the difference volumes."""
+    context = stored_context(RunFolder(finished[0]), Reporter(quiet=True))
+    models = training_models(context, "main", "negative")
+    home = context.home("difference", "main")
+    data = load_training_set(
+        context.run, home, context.job, "negative", models, rank=0, world=1
+    )  # fmt: skip
+    fields, differences = (
+        context.run.fields(context.job),
+        context.run.differences(home, context.job),
+    )
+    first = 0
+    for shard, rows in models.shards:
+        category, number = split_shard(shard)
+        solid, left = (
+            store.read_shard(category, number, "interior", int(rows.max()) + 1)[rows]
+            for store in (fields, differences)
+        )
+        part = slice(first, first := first + len(rows))
+        assert data.shape_interior is not None
+        np.testing.assert_array_equal(data.shape_interior[part], solid.astype(np.float16))
+        np.testing.assert_array_equal(data.interior[part], left.astype(np.float16))
+        assert not np.array_equal(solid, left)
+    assert first == len(data) > 0
 
 
 @pytest.mark.slow
