@@ -1,4 +1,4 @@
-"""Trials of training: one change each from the default recipe, scored on validation models.
+"""Trials of training: one change each from a common recipe, scored on validation models.
 
     python -m benchmarks.trials --run RUN --samples SAMPLES [--only NAME]... [--out TABLE.jsonl]
 
@@ -50,11 +50,12 @@ STEPS = {"initial": 1440, "refinement": 720}
 SHIPPED = settings.SHIPPED_WEIGHTS / "positive.safetensors"
 
 TURNED: dict[str, Any] = {"turn": 15.0, "stretch": 0.2}
+UPRIGHT: dict[str, Any] = {"turn": 0.0, "stretch": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What differs from the default recipe, in a phase.
+    """What differs from the common recipe, the defaults without turns and stretches, in a phase.
 
     Attributes
     ----------
@@ -244,7 +245,7 @@ def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
         batch_size=BATCH,
         losses=settings.LossWeights(**trial.losses),
         **training,
-        **(TURNED if trial.turned else {}),
+        **(TURNED if trial.turned else UPRIGHT),
     )
     shown = models(run, "val")
     learnt = models(run, "train")

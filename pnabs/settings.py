@@ -216,9 +216,9 @@ class Training(Group):
     """Eq. 7's threshold for rotation, in degrees."""
     mirror_augment: bool = True
     """Show each shape mirrored every other time, across its own mirror axis' plane."""
-    turn: Annotated[float, Field(ge=0, le=45)] = 0.0
+    turn: Annotated[float, Field(ge=0, le=45)] = 15.0
     """Show half of the shapes turned about the up axis, by an angle up to this, in degrees."""
-    stretch: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    stretch: Annotated[float, Field(ge=0, le=0.5)] = 0.2
     """Show those shapes stretched along each axis, too, by a share up to this."""
     losses: LossWeights = LossWeights()
     workers: PositiveInt = 1

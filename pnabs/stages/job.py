@@ -19,6 +19,8 @@ PAPER: dict[str, Any] = {
     "training": {
         "schedule": "constant",
         "mirror_augment": False,
+        "turn": 0.0,
+        "stretch": 0.0,
         "burn_in": 0,
         "losses": {"occupancy": 0.0, "separation": 1.0},
     },

@@ -12,7 +12,9 @@ from pnabs.model.data import Batch, TrainingSet, mirrored, turned
 from pnabs.model.field import interpolate
 from tests.model.shapes import training_set
 
-TRAINING = settings.Training(shape_samples=40, occupancy_samples=80, mirror_augment=False)
+TRAINING = settings.Training(
+    shape_samples=40, occupancy_samples=80, mirror_augment=False, turn=0, stretch=0
+)
 ROWS = np.array([3, 0, 0])
 
 

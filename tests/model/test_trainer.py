@@ -121,6 +121,8 @@ def test_overfits_one_chair(chair: TrainingSet) -> None:
         cuboid_samples=16,
         occupancy_samples=400,
         mirror_augment=False,
+        turn=0,
+        stretch=0,
     )
     start = start_points(chair.mean_occupancy(), 4)
     network = CuboidNetwork(4, NETWORK, start, torch.Generator().manual_seed(0))
