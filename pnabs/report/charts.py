@@ -197,7 +197,7 @@ class _Axis:
         return (log_ticks if self.logarithmic else linear_ticks)(self.low, self.high)
 
 
-_EPOCHS_SIZE = 460.0, 270.0
+_EPOCHS_SIZE = 470.0, 270.0
 
 
 def _empty_chart(title: str, label: str, reason: str) -> Markup:
@@ -218,7 +218,7 @@ def _epochs_chart(
     note: str = "",
 ) -> Markup:
     """Lines over epochs, each named at its end; `order` gives the colours by name."""
-    (width, height), left, right, top, bottom = _EPOCHS_SIZE, 60.0, 124.0, 28.0, 38.0
+    (width, height), left, right, top, bottom = _EPOCHS_SIZE, 60.0, 134.0, 28.0, 38.0
     parts = [_text(left, 15, title, style="title")]
     epochs = np.concatenate([s.epochs for s in series])
     first, last = float(epochs.min()), float(epochs.max())
