@@ -99,7 +99,8 @@ def test_two_workers_end_where_one_does_within_noise(
     def trained(name: str, *overrides: str) -> dict[str, np.ndarray]:
         out = tmp_path / name
         stages = ("scan", "ingest", "train-positive")
-        launch(out, "training.epochs=24", *overrides, stages=stages)
+        longer = ("training.epochs=50", "training.batch_size=4", "training.learning_rate=0.003")
+        launch(out, *longer, *overrides, stages=stages)
         ends = {}
         for phase in ("positive-initial", "positive-refinement"):
             (path,) = (out / "variants/main/checkpoints" / phase).glob("*/curves.json")
