@@ -30,6 +30,7 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     accept = options.accept or not run.ledger.stages()
     identity = run.read_identity(anew=accept)
     check_identity(identity, job.settings, accept=accept)
+    job = job.in_order_of(identity)
     catalogue = scan(job.settings, run, identity, reporter, accept=accept).catalogue
     kept = {} if accept or identity is None else identity["kept_weights"]
     context = context_of(job, run, reporter, Shards.of_table(catalogue), kept)

@@ -46,12 +46,13 @@ def held(run: Path) -> Iterator[str]:
 
 def open_folder(
     run: RunFolder, job: Job, options: Options, reporter: Reporter, interrupts: Interrupts
-) -> tuple[Shards, dict[str, str]]:
+) -> tuple[Job, Shards, dict[str, str]]:
     """List the dataset, and write what the folder is from now on: run.json, then the catalogue.
 
     Returns
     -------
-    The catalogue by shard, and the phases whose weights the user kept (run.json).
+    The job with its variants in the folder's order, the catalogue by shard, and the phases whose
+    weights the user kept (run.json).
 
     Raises
     ------
@@ -62,6 +63,7 @@ def open_folder(
     accept = options.accept or not run.ledger.stages()
     identity = run.read_identity(anew=accept)
     check_identity(identity, job.settings, accept=accept)
+    job = job.in_order_of(identity)
     with interrupts.at_once("listing the dataset"):
         found = scan(job.settings, run, identity, reporter, accept=accept)
     kept = _kept_weights(job, run, identity, options)
@@ -72,6 +74,7 @@ def open_folder(
     mark = digest(content)
     run.write_identity(
         job.settings,
+        variants=list(job.variants()),
         origins=job.origins,
         stage_versions=VERSIONS,
         dataset_fingerprint=catalogues.fingerprint(found.catalogue),
@@ -87,7 +90,7 @@ def open_folder(
     shards.save_index(run.catalogue_index, mark)
     if accept:
         describe(job, run, shards)
-    return shards, kept
+    return job, shards, kept
 
 
 def describe(job: Job, run: RunFolder, shards: Shards) -> list[Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,22 @@ class Job:
         """The settings of every variant, `main` first."""
         names = ["main", *(name for name in self.settings.variants if name != "main")]
         return {name: self.variant(name) for name in names}
+
+    def in_order_of(self, run: Mapping[str, Any] | None) -> Job:
+        """The same job with its variants in the order of a run folder's run.json, new ones last.
+
+        What variants share lies with the first of them, so the run folder's order is kept
+        whatever the job file's has become.
+        """
+        known = run.get("variants", ()) if run is not None else ()
+        own = self.settings.variants
+        order = [name for name in known if name in own] + [
+            name for name in own if name not in known
+        ]
+        settings = self.settings.model_copy(
+            update={"variants": {name: own[name] for name in order}}
+        )
+        return replace(self, settings=settings)
 
     def variant(self, name: str) -> Settings:
         """The settings of one variant.

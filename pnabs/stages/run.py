@@ -87,9 +87,8 @@ def _context(
     stack: ExitStack,
     executor: Callable[[WorkerLimits], Executor] | None,
 ) -> Context:
-    settings, runtime = job.settings, job.settings.runtime
-    run = RunFolder(settings.out)
-    shards, kept = open_folder(run, job, options, reporter, interrupts)
+    run, runtime = RunFolder(job.settings.out), job.settings.runtime
+    job, shards, kept = open_folder(run, job, options, reporter, interrupts)
     events = EventLog(run.root, "driver")
     stack.callback(events.close)
     ray = LazyRay(options.address, run.root, reporter, interrupts, stack)
@@ -97,7 +96,7 @@ def _context(
         runtime.deadline, runtime.memory, runtime.isolation == "child", runtime.stall
     )
     return Context(
-        job=settings,
+        job=job.settings,
         variants=job.variants(),
         run=run,
         shards=shards,

@@ -143,7 +143,8 @@ def _job(run: RunFolder, identity: dict[str, Any]) -> Job:
         ) from None
     # The folder may have been moved since.
     settings = settings.model_copy(update={"out": run.root.absolute()})
-    return Job(settings, identity["origins"], run.root / "run.json")
+    job = Job(settings, identity["origins"], run.root / "run.json")
+    return job.in_order_of(identity)
 
 
 def context_of(

@@ -7,6 +7,7 @@ import json
 import platform
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -160,6 +161,7 @@ class RunFolder:
         self,
         job: settings.Settings,
         *,
+        variants: Sequence[str],
         origins: dict[str, str],
         stage_versions: dict[str, int],
         dataset_fingerprint: str,
@@ -177,6 +179,7 @@ class RunFolder:
             "format": "pnabs/run",
             "version": VERSION,
             "settings": job.model_dump(mode="json"),
+            "variants": list(variants),  # JSON's keys are sorted, and their order counts
             "origins": origins,
             "seed": job.seed,
             "versions": versions(),

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pnabs.dataset.samples import write_collection
 from pnabs.settings import Settings
 from pnabs.stages.errors import RefusedError
 from pnabs.stages.identity import check_identity, given_weights
-from pnabs.stages.job import Job
+from pnabs.stages.job import Job, load_job
+from pnabs.stages.options import Options
 from pnabs.stages.plan import VERSIONS
+from pnabs.stages.progress import Reporter
+from pnabs.stages.run import run_job
+from pnabs.stages.status import stored_context
+from pnabs.store.run import RunFolder
 
 ALL = ("ingest", "train-positive", "difference", "train-negative", "abstract")
 
@@ -88,6 +95,24 @@ def test_what_the_folder_is_laid_out_by_cannot_change(key: str) -> None:
     changed = job({key: "folder" if "layout" in key else 7})
     with pytest.raises(RefusedError, match=f"Set {key} back, or give another folder"):
         check_identity(identity(job()), changed, accept=True)
+
+
+def test_variants_keep_their_order(tmp_path: Path) -> None:
+    """What variants share lies with the first of them, whatever the job file's order becomes."""
+    samples, out, file = tmp_path / "samples", tmp_path / "run", tmp_path / "job.yaml"
+    write_collection(samples, per_category=1, categories=["chair"])
+
+    def after(*names: str) -> tuple[list[str], str]:
+        variants = {name: {"abstract.debris": 0.02} for name in names}
+        tree = {"dataset": {"root": str(samples)}, "out": str(out)}
+        file.write_text(json.dumps({**tree, "variants": {"main": {}, **variants}}))
+        run_job(load_job(file), Options(stages=("scan",)), Reporter(quiet=True))
+        context = stored_context(RunFolder(out), Reporter(quiet=True))
+        return list(context.variants), context.home("abstract", "alpha").name
+
+    assert after("zeta", "alpha") == (["main", "zeta", "alpha"], "zeta")
+    assert after("alpha", "beta", "zeta") == (["main", "zeta", "alpha", "beta"], "zeta")
+    assert after("beta", "alpha") == (["main", "alpha", "beta"], "alpha")
 
 
 @pytest.mark.parametrize("stage", VERSIONS)

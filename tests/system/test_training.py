@@ -48,6 +48,11 @@ def test_training_begins_with_given_weights(
     for phase in ("positive-initial", "positive-refinement"):
         assert losses(out, phase)[0] < 0.9 * losses(run, phase)[0]
 
+    # A folder that has moved is the same: nothing is trained again.
+    moved = shutil.copytree(begin, tmp_path / "moved")
+    launch(out, f"training.begin={moved}", "training.epochs=1", stages=stages, accept=True)
+    assert len(losses(out, "positive-initial")) == 1
+
     other = tmp_path / "other"
     with pytest.raises(UsageError, match=r"network\.positives is 5, theirs 6"):
         launch(other, *changes, "network.positives=5", stages=stages)
