@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
@@ -21,24 +21,27 @@ import click
 import numpy as np
 import torch
 
+from benchmarks.ideas import AimedSet, GatedNetwork, aimed, fitted_boxes
 from pnabs import settings
 from pnabs.dataset import catalogue
 from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.types import Bool, Cuboids
 from pnabs.model.checkpoint import load_network, save_network
 from pnabs.model.data import TrainingSet
+from pnabs.model.losses import TERMS, Term
 from pnabs.model.memory import keep_freed_memory
 from pnabs.model.network import CuboidNetwork
 from pnabs.model.objective import Objective, Phase, make_optimizer
 from pnabs.model.predict import predict
 from pnabs.model.start import start_points
 from pnabs.model.trainer import epoch_order, train_epoch
-from pnabs.pipeline import thickened
+from pnabs.pipeline import Shape, thickened
 from pnabs.report.compare import MIN_MODELS
 from pnabs.stages.context import read_shard_rows
 from pnabs.stages.difference import models_of
 from pnabs.stages.job import PAPER
 from pnabs.stages.status import stored_job
+from pnabs.stages.stored import StoredShard
 from pnabs.stages.training_data import load_training_set
 from pnabs.stages.training_models import TrainingModels
 from pnabs.store.run import RunFolder
@@ -50,6 +53,7 @@ STEPS = {"initial": 1440, "refinement": 720}
 SHIPPED = settings.SHIPPED_WEIGHTS / "positive.safetensors"
 
 TURNED: dict[str, Any] = {"turn": 15.0, "stretch": 0.2}
+FIXED: dict[str, Any] = {"mirror_augment": False}
 UPRIGHT: dict[str, Any] = {"turn": 0.0, "stretch": 0.0}
 
 
@@ -68,6 +72,12 @@ class Trial:
         Train and score on one category alone.
     turned : bool
         Augment by turns and stretches.
+    steps : float
+        Times as many steps.
+    gated : bool
+        Existence apart from size (`benchmarks.ideas.GatedNetwork`).
+    targets : float
+        Weight of the distance to fitted boxes (`benchmarks.ideas.aimed`); 0 for none.
     """
 
     why: str
@@ -82,6 +92,8 @@ class Trial:
     category: str | None = None
     turned: bool = False
     steps: float = 1.0
+    gated: bool = False
+    targets: float = 0.0
 
 
 PAPER_NETWORK = {name: PAPER["network"][name] for name in ("channels", "hidden")}
@@ -114,6 +126,15 @@ TRIALS: dict[str, Trial] = {
         "... slower", begin="shipped", turned=True, training={"learning_rate": 0.0003}
     ),
     "four times as long": Trial("5,760 steps", steps=4.0),
+    "gated": Trial("existence apart from size: a gate a box", gated=True),
+    "targets beside": Trial("fitted boxes as targets, not mirrored", targets=0.1, training=FIXED),
+    "targets strong": Trial("... at ten times the weight", targets=1.0, training=FIXED),
+    "targets alone": Trial(
+        "... and nothing else",
+        targets=1.0,
+        training=FIXED,
+        losses={"occupancy": 0, "fit1": 0, "fit2": 1e-9, "symmetry": 0},
+    ),
     "airplanes alone": Trial("a model for each category", category="02691156"),
     "chairs alone": Trial("a model for each category", category="03001627"),
     "tables alone": Trial("a model for each category", category="04379243"),
@@ -164,22 +185,36 @@ class Models:
     occupancy: Bool
 
 
+def chosen(folder: RunFolder, split: str) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Shards with their models of a split that came through ingest."""
+    for shard in sorted(set(catalogue.read(folder.catalogue)["shard"].to_pylist()) - {""}):
+        rows = models_of(folder.ledger, read_shard_rows(folder.catalogue, shard), shard, [split])
+        if rows:
+            yield shard, rows
+
+
 @cache
 def models(run: Path, split: str) -> Models:
     """Models of a split of a run."""
     folder = RunFolder(run)
     job = stored_job(folder).settings
     shards, names = [], []
-    for shard in sorted(set(catalogue.read(folder.catalogue)["shard"].to_pylist()) - {""}):
-        rows = models_of(folder.ledger, read_shard_rows(folder.catalogue, shard), shard, [split])
-        if rows:
-            shards.append((shard, np.array([row["row"] for row in rows], np.int32)))
-            names += [row["category"] for row in rows]
+    for shard, rows in chosen(folder, split):
+        shards.append((shard, np.array([row["row"] for row in rows], np.int32)))
+        names += [row["category"] for row in rows]
     data = load_training_set(
         folder, folder.variant("main"), job, "positive", TrainingModels(tuple(shards), ""),
         rank=0, world=1,
     )  # fmt: skip
     return Models(np.array(names), data, data.occupancies())
+
+
+def shapes(run: Path) -> Iterator[Shape]:
+    """The training models as the fit reads them, in the order of `models`."""
+    folder = RunFolder(run)
+    for shard, rows in chosen(folder, "train"):
+        numbers = [row["row"] for row in rows]
+        yield from StoredShard(folder, stored_job(folder).settings, shard, numbers).shapes()
 
 
 def joined(a: TrainingSet, b: TrainingSet) -> TrainingSet:
@@ -233,7 +268,8 @@ def begun(trial: Trial, options: settings.Network, data: TrainingSet, kept: Path
     if trial.begin == "shipped":
         return load_network(SHIPPED)
     start = start_points(data.mean_occupancy(), trial.positives, options.start)
-    return CuboidNetwork(trial.positives, options, start)
+    kind = GatedNetwork if trial.gated else CuboidNetwork
+    return kind(trial.positives, options, start)
 
 
 def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
@@ -269,6 +305,11 @@ def tried(name: str, run: Path, samples: Path, kept: Path) -> dict[str, Any]:
         data = generated if trial.data == "samples" else joined(data, generated)
     network = begun(trial, settings.Network(**trial.network), data, kept)
     objective = Objective(network, "positive", trial.phase, options)
+    if trial.targets:
+        values = {f.name: getattr(data, f.name) for f in fields(TrainingSet)}
+        boxes = fitted_boxes(list(shapes(run)), trial.positives)
+        data = AimedSet(**values, targets=boxes)
+        objective.weights["targets"] = trial.targets
     steps = STEPS[trial.phase] * trial.steps
     epochs = max(1, round(steps / max(1, round(len(data) / BATCH))))
     options = options.model_copy(update={"epochs": epochs})
@@ -309,6 +350,7 @@ def main(run: Path, samples: Path, only: tuple[str, ...], out: Path) -> None:
     """Try what isn't in OUT yet, a line of JSON each, and print the table."""
     torch.set_num_threads(1)
     keep_freed_memory()
+    TERMS["targets"] = Term(aimed, "", phases=())  # in no phase by itself
     done = {}
     if out.exists():
         done = {row["name"]: row for row in map(json.loads, out.read_text().splitlines())}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ class Batch:
         """The same batch on another device."""
         values: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         moved: dict[str, Any] = {k: v if v is None else v.to(device) for k, v in values.items()}
-        return Batch(**moved)
+        return replace(self, **moved)
 
 
 @dataclass(frozen=True, slots=True)

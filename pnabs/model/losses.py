@@ -86,24 +86,26 @@ def fit2(view: View) -> Tensor:
     return geometry.union_distance(view.cuboids, view.batch.points).square().mean()
 
 
-def _roots(cuboids: Tensor) -> Tensor:
-    """Square roots of the cuboids' covariances, (B, N, 9): equal for boxes equal as sets."""
+def box_keys(cuboids: Tensor) -> Tensor:
+    """Centres and square roots of covariances, (B, N, 12): equal for boxes equal as sets.
+
+    Distances of keys bound the Wasserstein distance of the boxes' Gaussians from above.
+    """
     rotation = geometry.rotation_matrices(cuboids)
     scale = cuboids[..., :3].unsqueeze(-2) / math.sqrt(12)
-    return (rotation * scale @ rotation.transpose(-1, -2)).flatten(-2)
+    roots = (rotation * scale @ rotation.transpose(-1, -2)).flatten(-2)
+    return torch.cat([cuboids[..., 7:], roots], dim=-1)
 
 
 def _mirror_distance(cuboids: Tensor, axis: Tensor) -> Tensor:
     """Squared Chamfer distance of each cuboid to the nearest mirrored one, (B, N).
 
-    The nearest is picked by the distance of centres and covariances (an upper bound of the
-    Wasserstein distance of two Gaussians, blind to how a box names its own axes); the Chamfer
-    distance is computed for that pair alone.
+    The nearest is picked by the distance of keys, which is blind to how a box names its own axes;
+    the Chamfer distance is computed for that pair alone.
     """
     image = geometry.mirror(cuboids, axis)
     with torch.no_grad():
-        key = torch.cat([cuboids[..., 7:], _roots(cuboids)], dim=-1)
-        other = torch.cat([image[..., 7:], _roots(image)], dim=-1)
+        key, other = box_keys(cuboids), box_keys(image)
         partner = (key.unsqueeze(2) - other.unsqueeze(1)).square().sum(-1).argmin(dim=2)
     nearest = image.gather(1, partner.unsqueeze(-1).expand_as(image))
     unit = geometry.lattice(SYMMETRY_LATTICE, cuboids)
