@@ -39,7 +39,7 @@ from pnabs.pipeline import Shape, thickened
 from pnabs.report.compare import MIN_MODELS
 from pnabs.stages.context import read_shard_rows
 from pnabs.stages.difference import models_of
-from pnabs.stages.job import PAPER
+from pnabs.stages.presets import PAPER
 from pnabs.stages.status import stored_job
 from pnabs.stages.stored import StoredShard
 from pnabs.stages.training_data import load_training_set

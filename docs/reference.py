@@ -18,8 +18,8 @@ from pydantic import BaseModel
 
 from pnabs import settings
 from pnabs.formats.json_format import schema
-from pnabs.stages.job import PRESETS
 from pnabs.stages.plan import VERSIONS, recipe_digest
+from pnabs.stages.presets import PRESETS
 
 PAGE = Path(__file__).parent / "pages" / "settings.md"
 SCHEMA = PAGE.with_name("abstraction.schema.json")
@@ -159,7 +159,9 @@ def _other(value: Any, field: dict[str, Any]) -> Any:
         return not value
     if isinstance(value, int | float):
         return value + 1
-    return value[::-1] if isinstance(value, tuple) else Path("other")
+    if isinstance(value, tuple):
+        return value[::-1] or (1,)
+    return Path("other")
 
 
 def _construct(model: type[BaseModel], tree: dict[str, Any]) -> Any:

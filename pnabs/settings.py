@@ -26,6 +26,7 @@ SHIPPED_WEIGHTS = Path(__file__).parent / "weights"
 """The weights that come with pnabs."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
+Moment = Annotated[float, Field(ge=0, lt=1)]
 Layout = Literal["shapenet-v1", "shapenet-v2", "folder"]
 FormatName = Literal["json", "glb", "parts", "obj", "ply", "stl", "urdf", "mjcf"]
 
@@ -176,24 +177,31 @@ class LossWeights(Group):
     occupancy: NonNegativeFloat = 0.1
     """Cross-entropy and soft IoU of a soft union at grid points (ours; 0 = the paper)."""
 
+    @model_validator(mode="after")
+    def _something_to_train(self) -> LossWeights:
+        if not (self.fit1 or self.fit2 or self.symmetry or self.occupancy):
+            raise ValueError("with fit1, fit2, symmetry and occupancy all 0 nothing is trained")
+        return self
+
 
 class Training(Group):
     """The four phases: initial and refinement, of the positive and then the negative module."""
 
     begin: Annotated[Path | Literal["shipped"] | None, BeforeValidator(_weights)] = None
     """Trained weights that both modules begin with: a folder, or `shipped` for those that come with
-    pnabs. `network` must be as theirs."""
+    pnabs. `network` must be as theirs, but for `start`, which comes with them. Where `weights` are
+    given nothing is trained, and this isn't looked at."""
     epochs: PositiveInt = 150
     """Epochs a phase."""
     batch_size: PositiveInt = 32
-    """Global batch, over all workers."""
+    """Global batch, over all workers; shapes that don't fill one are spread over the others."""
     learning_rate: PositiveFloat = 0.001
     """Adam's rate."""
     encoder_learning_rate: PositiveFloat = 0.0001
     """Adam's rate for the encoder in refinement, inherited from the initial phase."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """Learning rate over a phase: constant (the paper), or falling to zero along a cosine."""
-    betas: tuple[Share, Share] = (0.9, 0.999)
+    betas: tuple[Moment, Moment] = (0.9, 0.999)
     """Adam's moments."""
     iterations: PositiveInt = 3
     """Refinement iterations in training."""
@@ -222,7 +230,16 @@ class Training(Group):
     """Show those shapes stretched along each axis, too, by a share up to this."""
     losses: LossWeights = LossWeights()
     workers: PositiveInt = 1
-    """Data-parallel training processes."""
+    """Data-parallel training processes; at most `batch_size`."""
+
+    @model_validator(mode="after")
+    def _a_shape_for_each_worker(self) -> Training:
+        if self.batch_size < self.workers:
+            raise ValueError(
+                f"batch_size {self.batch_size} is less than a shape for each of the "
+                f"{self.workers} workers"
+            )
+        return self
 
     def begin_weights(self, module: str) -> Path | None:
         """The file of a module's weights to begin with; None to begin with nothing."""
@@ -333,7 +350,7 @@ class Report(Group):
     pictures: int = Field(default=6, ge=0)
     """Models pictured a category, from best to worst IoU."""
     split: Literal["test", "val", "train", "all"] = "test"
-    """Models that the tables cover."""
+    """Models that the tables cover; all where there is none of these."""
 
 
 class Settings(Group):

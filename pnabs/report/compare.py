@@ -318,8 +318,8 @@ def _count_table(
     rows.append(count("failed checks", models.ok & (numbers["check_ok"] == 0)))
     rows.append(count("cropped again, jittered", models.ok & (numbers["jitter_attempt"] > 0)))
     notes = (
-        "Positives, negatives, pieces and faces are means over the models with a result; "
-        "the rest are numbers of models.",
+        "Models, with a result, failed, failed checks and cropped again are numbers of models; "
+        "the rest are means over the models with a result.",
     )
     name, title = ("counts", "Counts") if single else (f"counts/{variant}", f"Counts, {variant}")
     return Table(name, title, "", None, columns, "all", tuple(rows), notes)

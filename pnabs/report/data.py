@@ -67,7 +67,7 @@ class StageTiming:
     ----------
     stage : str
     seconds : float
-        Time the stage's workers spent, summed.
+        Wall time over all sessions, the start of workers included.
     models, quarantined : int
     peak_memory : int or None
         Largest resident memory of a worker, bytes.

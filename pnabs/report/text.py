@@ -60,7 +60,9 @@ def render_text(tables: Tables, width: int = 100) -> str:
     width : int
         Cells of the terminal.
     """
-    return "\n\n".join(_render(table, width) for table in tables.tables) + "\n"
+    covered = "all" if tables.split == "all" else f"the {tables.split}"
+    parts = [f"Figures cover {covered} models.", *(_render(t, width) for t in tables.tables)]
+    return "\n\n".join(parts) + "\n"
 
 
 def _render(table: Table, width: int) -> str:

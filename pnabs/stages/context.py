@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ class Context:
     Attributes
     ----------
     job
-        The settings of `main`.
+        The settings that no variant changes: what comes before training, and the report.
     variants
         Name -> settings of each variant, `main` first.
     shards
@@ -47,6 +47,8 @@ class Context:
         Whether Ray was started here and ends with the run.
     token
         By which workers know that this driver still holds the run folder.
+    given_weights
+        Digests of the weights that the job gives, as `identity.given_weights` has them.
     kept_weights
         Fingerprints of the training phases whose weights the user kept, from run.json.
     training
@@ -69,6 +71,7 @@ class Context:
     start_ray: Callable[[], None] = lambda: None
     owns_ray: Callable[[], bool] = lambda: False
     token: str = ""
+    given_weights: Mapping[str, str] = field(default_factory=dict)
     kept_weights: dict[str, str] = field(default_factory=dict)
     training: dict[tuple[str, str], tuple[tuple[int, int], TrainingModels]] = field(
         default_factory=dict
@@ -77,7 +80,11 @@ class Context:
 
     def home(self, stage: str, variant: str) -> Variant:
         """Where a variant's results of a stage lie: its own folder or an equal one's."""
-        return self.run.variant(homes(self.variants, stage)[variant])
+        return self.run.variant(self.homes(stage)[variant])
+
+    def homes(self, stage: str) -> dict[str, str]:
+        """The variant in whose folder each variant's results of a stage lie."""
+        return homes(self.variants, stage, self.given_weights)
 
     @property
     def catalogue(self) -> pa.Table:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from pnabs.stages.identity import check_identity
-from pnabs.stages.job import Job, check_weights
+from pnabs.stages.identity import check_identity, given_weights
+from pnabs.stages.job import Job
+from pnabs.stages.networks import check_networks
 from pnabs.stages.options import Options
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import select
@@ -25,7 +26,7 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     pnabs.dataset.errors.DatasetError
         When the dataset can't be used.
     """
-    check_weights(job)
+    check_networks(job)
     run = RunFolder(job.settings.out)
     accept = options.accept or not run.ledger.stages()
     identity = run.read_identity(anew=accept)
@@ -33,7 +34,8 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     job = job.in_order_of(identity)
     catalogue = scan(job.settings, run, identity, reporter, accept=accept).catalogue
     kept = {} if accept or identity is None else identity["kept_weights"]
-    context = context_of(job, run, reporter, Shards.of_table(catalogue), kept)
+    shards = Shards.of_table(catalogue)
+    context = context_of(job, run, reporter, shards, given=given_weights(job), kept=kept)
     context = dataclasses.replace(
         context, selected=select(list(context.shards.counts), options.categories)
     )

@@ -30,7 +30,8 @@ from pnabs.stages.file_state import QUARANTINE, RECORD, Quarantine, missing, rec
 from pnabs.stages.file_work import HIDDEN, FileWork
 from pnabs.stages.folder import held
 from pnabs.stages.interrupts import Interrupts
-from pnabs.stages.job import Job, JobError, check_weights, with_overrides
+from pnabs.stages.job import Job, JobError, with_overrides
+from pnabs.stages.networks import check_networks
 from pnabs.stages.progress import Reporter, Tracker
 
 HOPELESS = 4
@@ -153,7 +154,7 @@ def abstract_files(
     RunError
         With its exit code: held by another, interrupted, or a disk that fails.
     """
-    check_weights(job)
+    check_networks(job)
     settings = job.settings
     interrupts = Interrupts()
     go_on = f"To go on: {command}"

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pnabs.settings import Settings
 from pnabs.stages.errors import RefusedError
 from pnabs.stages.job import Job
-from pnabs.stages.plan import VERSIONS, recipe_digest, stages_of
+from pnabs.stages.plan import MODULES, VERSIONS, given_to, homes, recipe_digest, stages_of
 from pnabs.store.atomic import file_digest
 
 FIXED = ("dataset.layout", "dataset.shard_size")
@@ -56,17 +56,14 @@ def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bo
         for stage, version in VERSIONS.items()
         if identity["stage_versions"].get(stage) != version
     ]
-    other = [
+    lines += [
         f"  weights {name}: other content than before"
         for name, content in sorted(given_weights(Job(job, {}, Path("run.json"))).items())
         if identity["weights"].get(name, content) != content
     ]
-    lines += other
     if not lines or accept:
         return
-    redone = _redone(identity, job, begin=any("/begin/" in line for line in other))
-    if other and "abstract" not in redone:
-        redone.append("abstract")
+    redone = _redone(identity, Job(job, {}, Path("run.json")))
     raise RefusedError(
         "the job differs from what this run folder was made with:\n"
         + "\n".join(lines)
@@ -88,33 +85,42 @@ def given_weights(job: Job) -> dict[str, str]:
             for path in sorted(folder.glob("*.safetensors")):
                 given[f"{name}/{path.stem}"] = file_digest(path)["sha256"]
             continue
-        for module in ("positive", "negative"):
+        for module in MODULES:
             begin = settings.training.begin_weights(module)
             if begin is not None and begin.is_file():
                 given[f"{name}/begin/{module}"] = file_digest(begin)["sha256"]
     return given
 
 
-def _redone(identity: dict[str, Any], job: Settings, *, begin: bool) -> list[str]:
+def _redone(identity: dict[str, Any], job: Job) -> list[str]:
     """Stages in which something is to be done again, in their order."""
     try:
         before = Settings.model_validate(identity["settings"])
     except ValidationError:
         return list(VERSIONS)
-    then, now = (Job(value, {}, Path("run.json")).variants() for value in (before, job))
-    versions = identity["stage_versions"]
-    done = {
-        (stage, recipe_digest(stage, old, versions))
-        for old in then.values()
-        for stage in stages_of(old)
-    }
-    wanted = {
-        (stage, recipe_digest(stage, new)) for new in now.values() for stage in stages_of(new)
-    }
-    changed = {stage for stage, _ in wanted - done}
-    if begin:
-        changed |= {stage for stage, _ in wanted} - {"ingest"}
+    past = Job(before, {}, Path("run.json"))
+    given = given_weights(job)
+    done = _results(past, identity, {**given, **identity["weights"]}, identity["stage_versions"])
+    wanted = _results(job, identity, given, VERSIONS)
+    changed = {stage for stage, *_ in wanted - done}
     return [stage for stage in VERSIONS if stage in changed]
+
+
+def _results(
+    job: Job, identity: dict[str, Any], given: Mapping[str, str], versions: Mapping[str, int]
+) -> set[tuple[Any, ...]]:
+    """What a job's stages leave: the stage, the variant with whom it lies, what it depends on."""
+    variants = job.in_order_of(identity).variants()
+    return {
+        (
+            stage,
+            homes(variants, stage, given)[name],
+            recipe_digest(stage, settings, versions),
+            given_to(stage, name, given),
+        )
+        for name, settings in variants.items()
+        for stage in stages_of(settings)
+    }
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

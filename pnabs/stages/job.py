@@ -5,30 +5,18 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from pnabs.settings import Dataset, Settings
+from pnabs.settings import Settings
+from pnabs.stages.presets import PRESETS, written_out
+from pnabs.stages.trees import assign, dotted, leaves, merge
 
-PAPER: dict[str, Any] = {
-    "network": {"channels": [4, 8, 16, 32, 64], "hidden": 64, "refine_input": "vector"},
-    "training": {
-        "schedule": "constant",
-        "mirror_augment": False,
-        "turn": 0.0,
-        "stretch": 0.0,
-        "burn_in": 0,
-        "losses": {"occupancy": 0.0, "separation": 1.0},
-    },
-    "abstract": {"iterations": 3, "fit": False},
-}
-"""`preset: paper`: where our defaults go beyond the paper's numbers."""
-
-PRESETS: dict[str, dict[str, Any]] = {"best": {}, "paper": PAPER}
+_SHARED = ("dataset", "ingest", "out", "seed", "preset", "runtime", "report", "variants")
+"""Settings that no variant may give."""
 
 
 class JobError(Exception):
@@ -77,15 +65,14 @@ class Job:
             When the variant's overrides are wrong.
         """
         tree = self.settings.model_dump(mode="json", exclude={"variants"})
-        place = self.where.get(("variants", name))
-        prefix = f"{place}: variants.{name}: " if place else f"variants.{name}: "
+        prefix = variant_place(self.where, name)
         for key, value in self.settings.variants[name].items():
-            if key.partition(".")[0] in ("dataset", "ingest", "out", "seed", "preset", "runtime"):
+            if key.partition(".")[0] in _SHARED:
                 raise JobError(
-                    f"{prefix}{key}: variants share dataset, ingest, seed and runtime; "
+                    f"{prefix}{key}: variants share dataset, ingest, seed, runtime and report; "
                     "only settings from training on may differ"
                 )
-            _assign(tree, key, value)
+            assign(tree, key, value)
         return _absolute(_validate(tree, {}, prefix))
 
 
@@ -109,18 +96,25 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
     if not isinstance(tree, dict):
         raise JobError(f"{path}: a job file is a mapping with at least `dataset` and `out`")
     where = {key: f"{path}, line {line}" for key, line in lines.items()}
-    origins = {key: f"{path}:{lines[tuple(key.split('.'))]}" for key in _leaves(tree)}
+    origins = {".".join(key): f"{path}:{_line_of(lines, key)}" for key in leaves(tree)}
     _override(tree, overrides, where, origins)
     if out is not None:
         tree["out"] = str(out)
         origins["out"] = where["out",] = "--out"
     preset = tree.get("preset", "best")
     if isinstance(preset, str) and preset in PRESETS:
-        origins.update(dict.fromkeys(set(_leaves(PRESETS[preset])) - set(origins), "preset"))
-        tree = _merge(PRESETS[preset], tree)
+        origins.update(dict.fromkeys(dotted(PRESETS[preset]) - set(origins), "preset"))
+        tree = merge(PRESETS[preset], tree)
     settings = _validate(tree, where, f"{path}: ")
     settings = _absolute(settings)
-    settings = _with_variant_presets(settings, origins, where)
+    said = {key for key, place in origins.items() if place != "preset"}
+    variants = {}
+    for name, changes in settings.variants.items():
+        try:
+            variants[name] = written_out(changes, settings.preset, said)
+        except ValueError as error:
+            raise JobError(f"{variant_place(where, name)}{error}") from None
+    settings = settings.model_copy(update={"variants": variants})
     job = Job(settings, origins, path, where)
     if not settings.variants or "main" not in settings.variants:
         raise JobError(f"{path}: variants must have one named `main`")
@@ -135,33 +129,10 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
     return job
 
 
-def _with_variant_presets(
-    settings: Settings, origins: Mapping[str, str], where: Mapping[tuple[str, ...], str]
-) -> Settings:
-    """Variants that take a preset of their own, with that preset's values written out.
-
-    They stand in the place of the job's preset: what the file, `--set` or the variant itself
-    says stands above them.
-    """
-    said = {key for key, place in origins.items() if place != "preset"}
-    variants: dict[str, dict[str, Any]] = {}
-    for name, changes in settings.variants.items():
-        preset = changes.get("preset", settings.preset)
-        if preset not in PRESETS:
-            place = where.get(("variants", name))
-            raise JobError(
-                f"{place}: " * bool(place) + f"variants.{name}: preset: there are "
-                f"{' and '.join(PRESETS)} (got {preset!r})"
-            )
-        own = {key: value for key, value in changes.items() if key != "preset"}
-        if preset != settings.preset:
-            keys = {*_leaves(PRESETS[settings.preset]), *_leaves(PRESETS[preset])}
-            keys = {key for key in keys if not said.intersection(_and_parents(key))}
-            defaults = Settings(dataset=Dataset(root="/"), out=Path("/")).model_dump(mode="json")
-            values = _merge(defaults, PRESETS[preset])
-            own = {key: _at(values, key) for key in sorted(keys)} | own
-        variants[name] = own
-    return settings.model_copy(update={"variants": variants})
+def variant_place(where: Mapping[tuple[str, ...], str], variant: str) -> str:
+    """How an error about a variant begins."""
+    place = where.get(("variants", variant))
+    return f"{place}: variants.{variant}: " if place else f"variants.{variant}: "
 
 
 def _absolute(settings: Settings) -> Settings:
@@ -203,6 +174,9 @@ def _explain(item: Any, where: Mapping[tuple[str, ...], str], fallback: str) -> 
         parent = _group(location[:-1])
         near = difflib.get_close_matches(location[-1], parent, n=1)
         hint = f"; did you mean {near[0]}?" if near else f"; known here: {', '.join(parent)}"
+        if "." in location[-1]:
+            first, _, rest = location[-1].partition(".")
+            hint = f"; dotted keys are for variants and --set, here write {first}: {{{rest}: ...}}"
         return f"{place}unknown key {key}{hint}"
     if location[:2] == ("dataset", "categories") and isinstance(item["input"], int):
         return f"{place}{key}: quote synsets, as in '03001627'; YAML reads them as numbers"
@@ -230,6 +204,8 @@ def with_overrides(job: Job, overrides: Sequence[str]) -> Job:
     JobError
         When a key or value is wrong.
     """
+    if any(override.startswith("preset=") for override in overrides):
+        raise JobError("--set preset: its values are settled already; give settings one by one")
     tree = job.settings.model_dump(mode="json", exclude_unset=False)
     where, origins = dict(job.where), dict(job.origins)
     _override(tree, overrides, where, origins)
@@ -251,7 +227,7 @@ def _override(
             parsed = yaml.safe_load(value)
         except yaml.YAMLError as error:
             raise JobError(f"--set {override}: the value is not valid YAML: {error}") from None
-        _assign(tree, key, parsed)
+        assign(tree, key, parsed)
         parts = tuple(key.split("."))
         for depth in range(1, len(parts)):
             where.setdefault(parts[:depth], f"--set {override}")
@@ -259,26 +235,12 @@ def _override(
         origins[key] = "--set"
 
 
-def check_weights(job: Job) -> None:
-    """Whether given weights are there, before anything is done.
+_TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
 
-    Raises
-    ------
-    JobError
-        When a module's file is missing.
-    """
-    for name, settings in job.variants().items():
-        modules = ("positive", "negative") if settings.abstract.negatives else ("positive",)
-        for module in modules:
-            given = settings.weights_folder
-            key: tuple[str, ...] = ("weights",)
-            path = given / f"{module}.safetensors" if given is not None else None
-            if path is None:
-                key, path = ("training", "begin"), settings.training.begin_weights(module)
-            if path is not None and not path.is_file():
-                place = job.where.get(key) or job.where.get(("variants", name), str(job.path))
-                words = f"{'.'.join(key)}: there is no {path.name} in {path.parent}"
-                raise JobError(f"{place}: {words}")
+
+def _line_of(lines: Mapping[tuple[str, ...], int], key: tuple[str, ...]) -> int:
+    """The line of a key or, where it comes with an alias, of what holds it."""
+    return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), 1)
 
 
 def _lines(
@@ -289,48 +251,12 @@ def _lines(
     seen: dict[str, int] = {}
     for key, value in node.value:
         name, line = str(key.value), key.start_mark.line + 1
+        if key.tag not in (_TEXT, _MERGE):
+            raise JobError(
+                f"{path}, line {line}: YAML doesn't read the key {name} as text: put it in quotes"
+            )
         if name in seen:
             raise JobError(f"{path}, line {line}: {name} stands in line {seen[name]} already")
         seen[name] = line
         yield (*prefix, name), line
         yield from _lines(value, (*prefix, name), path)
-
-
-def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    for key, value in tree.items():
-        if isinstance(value, dict) and value and not prefix.startswith("variants"):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}"
-
-
-def _and_parents(key: str) -> list[str]:
-    """`a.b.c` -> `a`, `a.b`, `a.b.c`."""
-    return list(accumulate(key.split("."), "{}.{}".format))
-
-
-def _at(tree: Mapping[str, Any], key: str) -> Any:
-    value: Any = tree
-    for part in key.split("."):
-        value = value[part]
-    return value
-
-
-def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    out = dict(below)
-    for key, value in above.items():
-        if isinstance(value, dict) and isinstance(out.get(key), dict):
-            out[key] = _merge(out[key], value)
-        else:
-            out[key] = value
-    return out
-
-
-def _assign(tree: dict[str, Any], key: str, value: Any) -> None:
-    *parents, last = key.split(".")
-    for part in parents:
-        child = tree.get(part)
-        tree[part] = child = dict(child) if isinstance(child, dict) else {}
-        tree = child
-    both = isinstance(value, dict) and isinstance(tree.get(last), dict)
-    tree[last] = _merge(tree[last], value) if both else value

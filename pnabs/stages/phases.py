@@ -15,10 +15,11 @@ from typing import Any
 from pnabs.settings import Settings
 from pnabs.stages.context import Context
 from pnabs.stages.errors import UsageError
+from pnabs.stages.identity import given_weights
 from pnabs.stages.job import Job
-from pnabs.stages.plan import fingerprint, homes, recipe_digest, stages_of
+from pnabs.stages.plan import fingerprint, given_to, homes, recipe_digest, stages_of
 from pnabs.stages.training_models import TrainingModels
-from pnabs.store.atomic import file_digest, is_as_written
+from pnabs.store.atomic import is_as_written
 from pnabs.store.events import read_events
 from pnabs.store.run import RunFolder, Variant
 from pnabs.store.sealed import SealError, unseal
@@ -107,11 +108,12 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     validation = training_models(context, variant, module, "val").few(VALIDATION_MODELS)
     plans: list[PhasePlan] = []
     begin = job.training.begin_weights(module)
-    before = None if begin is None else file_digest(begin)["sha256"]
+    before = context.given_weights.get(f"{variant}/begin/{module}")
+    given = given_to(stage, variant, context.given_weights)
     for phase in PHASES:
         inputs = {"phase": phase, "models": models.digest, "before": before}
         mark = fingerprint(recipe, inputs)
-        mark = context.kept_weights.get(kept_key(recipe, phase), mark)
+        mark = context.kept_weights.get(kept_key(recipe, given, phase), mark)
         inherits = plans[-1].folder / WEIGHTS if plans else begin
         plans.append(
             PhasePlan(job, home, volumes, module, phase, mark, models, validation, inherits)
@@ -120,9 +122,16 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     return plans
 
 
-def kept_key(recipe: str, phase: str) -> str:
-    """What names a phase's weights in run.json when they are kept."""
-    return f"{recipe[:16]}-{phase}"
+def kept_key(recipe: str, given: tuple[str | None, ...], phase: str) -> str:
+    """What names a phase's weights in run.json when they are kept.
+
+    Parameters
+    ----------
+    given
+        As of `plan.given_to`.
+    """
+    begun = f"{fingerprint(recipe, given)[:16]}-" if any(given) else ""
+    return f"{recipe[:16]}-{begun}{phase}"
 
 
 def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
@@ -138,12 +147,13 @@ def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
         When a module that the job trains has no finished weights of its settings.
     """
     kept = {}
-    variants = job.variants()
+    variants, weights = job.variants(), given_weights(job)
     for variant, settings in variants.items():
         trained = [stage for stage in stages_of(settings) if stage.startswith("train-")]
         for stage in trained:
             recipe = recipe_digest(stage, settings)
-            home = run.variant(homes(variants, stage)[variant])
+            given = given_to(stage, variant, weights)
+            home = run.variant(homes(variants, stage, weights)[variant])
             for phase in PHASES:
                 name = f"{stage.removeprefix('train-')}-{phase}"
                 folder = _last_finished(home.checkpoints(name), recipe)
@@ -152,7 +162,7 @@ def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
                         f"--keep-weights: {name} of variant {variant} has no finished weights of "
                         "these settings in the run folder"
                     )
-                kept[kept_key(recipe, phase)] = folder.name
+                kept[kept_key(recipe, given, phase)] = folder.name
     return kept
 
 

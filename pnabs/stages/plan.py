@@ -19,6 +19,8 @@ STAGES = (
     *("train-negative", "abstract", "report"),
 )
 
+MODULES = ("positive", "negative")
+
 VERSIONS = {
     "ingest": 2,
     "train-positive": 2,
@@ -123,16 +125,34 @@ def _given(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:
     return {"weights": "given", "after": recipe("ingest", job, versions)}
 
 
-def homes(variants: dict[str, Settings], stage: str) -> dict[str, str]:
-    """The variant in whose folder each variant's results of a stage lie: the first with its recipe.
+def homes(variants: Mapping[str, Settings], stage: str, given: Mapping[str, str]) -> dict[str, str]:
+    """The variant in whose folder each variant's results of a stage lie.
+
+    It is the first that does the stage with the same recipe and the same given weights; a variant
+    that doesn't do the stage has its own.
 
     Parameters
     ----------
     variants
-        Name -> settings, in the job's order with `main` first.
+        Name -> settings, in the run folder's order with `main` first.
+    given
+        Digests of given weights, as `identity.given_weights` has them.
     """
-    first: dict[str, str] = {}
+    first: dict[tuple[str, tuple[str | None, ...]], str] = {}
     out = {}
     for name, job in variants.items():
-        out[name] = first.setdefault(recipe_digest(stage, job), name)
+        out[name] = name
+        if stage in stages_of(job):
+            key = recipe_digest(stage, job), given_to(stage, name, given)
+            out[name] = first.setdefault(key, name)
     return out
+
+
+def given_to(stage: str, variant: str, given: Mapping[str, str]) -> tuple[str | None, ...]:
+    """Digests of the given weights that a variant's results of a stage depend on."""
+    if stage == "ingest":
+        return ()
+    modules = MODULES if stage in ("train-negative", "abstract") else MODULES[:1]
+    return tuple(
+        given.get(f"{variant}/{use}{module}") for use in ("", "begin/") for module in modules
+    )

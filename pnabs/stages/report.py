@@ -45,6 +45,10 @@ def run(context: Context, command: str) -> str:
     categories = sorted(set(context.catalogue["category"].unique().to_pylist()))
     names = {category: name_of(category) for category in categories}
     split = _covered(job, rows["main"])
+    if split != job.report.split:
+        context.reporter.say(
+            f"no model is of split {job.report.split}: the report covers all models"
+        )
     rng = np.random.default_rng([job.seed, 1])
     tables = report.build_tables(rows, rng, names=names, split=split)
     identity = context.run.read_identity() or {}
@@ -83,7 +87,7 @@ def _covered(job: Settings, rows: pa.Table) -> str:
 
 
 def _gallery(context: Context, rows: pa.Table, split: str) -> Iterator[report.GalleryItem]:
-    job = context.job
+    job = context.variants["main"]
     store = context.run.fields(job)
     catalogue = context.catalogue
     chosen = rows.filter(pc.equal(rows["status"], "ok"))

@@ -13,11 +13,13 @@ from pnabs.stages import abstract, difference, ingest, report, train
 from pnabs.stages.context import Context
 from pnabs.stages.errors import InterruptedRunError, StorageError, is_storage, storage_message
 from pnabs.stages.folder import held, open_folder
+from pnabs.stages.identity import given_weights
 from pnabs.stages.interrupts import Interrupts
-from pnabs.stages.job import Job, check_weights
+from pnabs.stages.job import Job
 from pnabs.stages.lazy_ray import LazyRay
+from pnabs.stages.networks import check_networks
 from pnabs.stages.options import Options
-from pnabs.stages.plan import STAGES, homes
+from pnabs.stages.plan import STAGES
 from pnabs.stages.progress import Reporter
 from pnabs.store.events import EventLog
 from pnabs.store.run import RunFolder
@@ -59,7 +61,7 @@ def run_job(
     pnabs.dataset.errors.DatasetError
         When the dataset can't be used.
     """
-    check_weights(job)
+    check_networks(job)
     run = RunFolder(job.settings.out)
     interrupts = Interrupts()
     go_on = f"To go on: {options.command or 'run again'}"
@@ -109,6 +111,7 @@ def _context(
         start_ray=ray.start,
         owns_ray=lambda: ray.owned,
         token=token,
+        given_weights=given_weights(job),
         kept_weights=kept,
     )
 
@@ -130,7 +133,7 @@ def _do(context: Context, options: Options, interrupts: Interrupts) -> Result:
         cropped = trained and job.abstract.negatives
 
         def at_home(stage: str, name: str = name) -> bool:
-            return stage in stages and homes(jobs, stage)[name] == name
+            return stage in stages and context.homes(stage)[name] == name
 
         if trained and at_home("train-positive"):
             train.run(context, name, "positive")

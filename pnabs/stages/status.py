@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any, Literal
@@ -17,7 +17,6 @@ from pnabs.stages.context import Context
 from pnabs.stages.errors import RefusedError, RunError, UsageError
 from pnabs.stages.job import Job
 from pnabs.stages.phases import PhasePlan, is_done, last_epoch, phase_plans
-from pnabs.stages.plan import homes
 from pnabs.stages.progress import Reporter
 from pnabs.stages.sharded import ShardPlan, chosen, is_chosen
 from pnabs.stages.shards import Shards
@@ -112,7 +111,8 @@ def stored_context(run: RunFolder, reporter: Reporter) -> Context:
         shards = Shards.of_file(run.catalogue, run.catalogue_index, mark)
     else:
         shards = Shards.of_table(catalogues.SCHEMA.empty_table())
-    return context_of(job, run, reporter, shards, identity["kept_weights"])
+    given, kept = identity["weights"], identity["kept_weights"]
+    return context_of(job, run, reporter, shards, given=given, kept=kept)
 
 
 def stored_job(run: RunFolder) -> Job:
@@ -148,9 +148,21 @@ def _job(run: RunFolder, identity: dict[str, Any]) -> Job:
 
 
 def context_of(
-    job: Job, run: RunFolder, reporter: Reporter, shards: Shards, kept: dict[str, str]
+    job: Job,
+    run: RunFolder,
+    reporter: Reporter,
+    shards: Shards,
+    *,
+    given: Mapping[str, str],
+    kept: dict[str, str],
 ) -> Context:
-    """A context in which nothing can be run."""
+    """A context in which nothing can be run.
+
+    Parameters
+    ----------
+    given, kept
+        `Context.given_weights` and `Context.kept_weights`.
+    """
 
     def refuse(*_: Any, **__: Any) -> Any:
         raise RunError("this command only reads")
@@ -167,6 +179,7 @@ def context_of(
         max_failed=100.0,
         interrupted=lambda: None,
         start_ray=refuse,
+        given_weights=given,
         kept_weights=kept,
     )
 
@@ -179,7 +192,7 @@ def status(context: Context) -> list[StageStatus]:
         variant = context.run.variant(name)
 
         def mine(stage: str, name: str = name) -> bool:
-            return homes(context.variants, stage)[name] == name
+            return context.homes(stage)[name] == name
 
         trained = job.weights is None
         if trained and mine("train-positive"):

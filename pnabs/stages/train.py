@@ -58,14 +58,18 @@ def run(context: Context, variant: str, module: str) -> None:
     if not todo:
         return
     _check_complete(context, variant, module)
-    _check_begin(todo[0])
     context.start_ray()
     _check_resources(todo[0])
     if not todo[0].models.count:
-        what = "shape" if module == "positive" else "shape with a difference volume"
+        if module == "positive":
+            raise RunError(
+                "train-positive: there is no shape in the training split; "
+                "check dataset.split, or give trained weights with `weights:`"
+            )
         raise RunError(
-            f"train-{module}: there is no {what} in the training split; "
-            "check dataset.split, or give trained weights with `weights:`"
+            "train-negative: no training shape has a difference volume, so there is nothing to "
+            "learn negatives from: do without them (abstract.negatives: false), or give trained "
+            "weights with `weights:`"
         )
     _train(context, todo)
 
@@ -81,33 +85,6 @@ def _check_complete(context: Context, variant: str, module: str) -> None:
             f"{len(wanted)} shards have not been through {stage.partition('@')[0]} yet: run "
             "that first, without --category. To train on some categories alone, name them in "
             "dataset.categories."
-        )
-
-
-def _check_begin(plan: PhasePlan) -> None:
-    """The weights that training begins with must be of the job's network."""
-    if plan.phase != "initial" or plan.inherits is None:
-        return
-    from pnabs.model.checkpoint import CheckpointError, load_network
-
-    try:
-        begun = load_network(plan.inherits)
-    except CheckpointError as error:
-        raise UsageError(f"training.begin: {error}") from error
-    network = plan.job.network
-    count = network.positives if plan.module == "positive" else network.negatives
-    pairs = {f"{plan.module}s": (begun.count, count)}
-    for name in ("channels", "hidden", "refine_input"):
-        pairs[name] = (getattr(begun.options, name), getattr(network, name))
-    differing = [
-        f"network.{name} is {ours!r}, theirs {theirs!r}"
-        for name, (theirs, ours) in pairs.items()
-        if theirs != ours
-    ]
-    if differing:
-        raise UsageError(
-            f"training.begin: the weights in {plan.inherits} are of another network: "
-            + "; ".join(differing)
         )
 
 

@@ -18,7 +18,8 @@ from pnabs.cli import STAGES, main
 from pnabs.model.losses import TERMS
 from pnabs.report.tables import Tables
 from pnabs.stages import errors
-from pnabs.stages.job import PAPER, load_job
+from pnabs.stages.job import load_job
+from pnabs.stages.presets import PAPER
 from pnabs.stages.verify import DAMAGE_EXIT_CODE
 from pnabs.store.ledger import ModelVerdict, Record
 from pnabs.store.metrics import SCHEMA

@@ -97,6 +97,16 @@ def test_what_the_folder_is_laid_out_by_cannot_change(key: str) -> None:
         check_identity(identity(job()), changed, accept=True)
 
 
+def test_what_lies_with_a_variant_that_goes_is_redone() -> None:
+    shared = {"training.batch_size": 4}
+    variants = {"main": {}, "a": shared, "b": {**shared, "abstract.debris": 0.1}}
+    before = identity(job({"variants": variants}), variants=list(variants))
+    _, named = redone(before, job({"variants": {"main": {}, "b": variants["b"]}}))
+    assert named == ALL[1:4]
+    _, named = redone(before, job({"variants": {"main": {}, "a": shared}}))
+    assert named == ()
+
+
 def test_variants_keep_their_order(tmp_path: Path) -> None:
     """What variants share lies with the first of them, whatever the job file's order becomes."""
     samples, out, file = tmp_path / "samples", tmp_path / "run", tmp_path / "job.yaml"

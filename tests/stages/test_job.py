@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from pnabs.stages.errors import RefusedError
-from pnabs.stages.identity import check_identity
-from pnabs.stages.job import JobError, check_weights, load_job
-from pnabs.stages.plan import VERSIONS, homes, recipe_digest
+from pnabs.stages.identity import check_identity, given_weights
+from pnabs.stages.job import JobError, load_job, with_overrides
+from pnabs.stages.networks import check_networks
+from pnabs.stages.phases import kept_key
+from pnabs.stages.plan import VERSIONS, given_to, homes, recipe_digest, stages_of
 
 JOBS = Path(__file__).parents[2] / "jobs"
 
@@ -145,14 +148,48 @@ def test_variants_share_what_they_have_in_common(tmp_path: Path) -> None:
     )
     variants = load_job(job_file(tmp_path, text)).variants()
     assert list(variants) == ["main", "positives-only", "no-separation"]
-    assert set(homes(variants, "train-positive").values()) == {"main"}
-    assert homes(variants, "train-negative")["no-separation"] == "no-separation"
-    assert homes(variants, "abstract") == {name: name for name in variants}
+    assert set(homes(variants, "train-positive", {}).values()) == {"main"}
+    assert homes(variants, "train-negative", {})["no-separation"] == "no-separation"
+    assert homes(variants, "abstract", {}) == {name: name for name in variants}
+
+
+def test_variants_share_only_with_those_that_do_the_stage(tmp_path: Path) -> None:
+    text = MINIMAL + (
+        "variants:\n  main: {abstract.negatives: false}\n  given: {weights: shipped}\n"
+        "  full: {}\n  again: {abstract.debris: 0.1}\n"
+    )
+    job = load_job(job_file(tmp_path, text))
+    variants, given = job.variants(), given_weights(job)
+    assert homes(variants, "train-positive", given)["full"] == "main"
+    for stage in ("difference", "train-negative"):
+        found = homes(variants, stage, given)
+        assert (found["full"], found["again"]) == ("full", "full")
+
+
+@pytest.mark.parametrize("key", ["weights", "training.begin"])
+def test_variants_with_other_weights_share_nothing(tmp_path: Path, key: str) -> None:
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        for module in ("positive", "negative"):
+            (tmp_path / name / f"{module}.safetensors").write_text(f"{name} {module}")
+    # The same content in another place is the same.
+    shutil.copytree(tmp_path / "a", tmp_path / "c")
+    lines = [f"  {name}: {{{key}: {tmp_path / name}}}\n" for name in "abc"]
+    job = load_job(job_file(tmp_path, MINIMAL + "variants:\n  main: {}\n" + "".join(lines)))
+    variants, given = job.variants(), given_weights(job)
+    stages = stages_of(variants["a"])[1:]
+    assert stages == (("abstract",) if key == "weights" else tuple(VERSIONS)[1:])
+    for stage in stages:
+        found = homes(variants, stage, given)
+        assert (found["a"], found["b"], found["c"]) == ("a", "b", "a")
+        recipe = recipe_digest(stage, variants["a"])
+        keys = {kept_key(recipe, given_to(stage, name, given), "initial") for name in "abc"}
+        assert len(keys) == 2
 
 
 def identity_of(path: Path) -> dict[str, object]:
     settings = load_job(path).settings.model_dump(mode="json")
-    return {"settings": settings, "stage_versions": dict(VERSIONS)}
+    return {"settings": settings, "stage_versions": dict(VERSIONS), "weights": {}}
 
 
 def test_changed_settings_are_refused_with_a_diff(tmp_path: Path) -> None:
@@ -189,6 +226,23 @@ def test_the_layout_of_the_folder_cannot_change(tmp_path: Path) -> None:
         ("dataset: {root: d, categories: [03001627]}\nout: x\n", "quote synsets"),
         ("dataset: {root: d}\nout: d/run\n", r"line 2: out lies inside dataset.root"),
         (MINIMAL + "variants:\n  main: {}\n  b: {abstract.x: 3}\n", r"line 5: variants.b: unknown"),
+        (MINIMAL + "variants: {main: {}, v1.0: {}}\n", r"variant 'v1.0': use letters"),
+        (
+            MINIMAL + "variants: {main: {}, no: {}}\n",
+            r"line 3: .* key no as text: put it",
+        ),
+        (
+            MINIMAL + "variants: {main: {}, b: {preset: [paper]}}\n",
+            r"b: preset: there are best and",
+        ),
+        (MINIMAL + "variants: {main: {}, b: {report.pictures: 1}}\n", "share .* and report"),
+        (MINIMAL + "training.turn: 3\n", r"line 3: unknown key training.turn; .*{turn: ...}"),
+        (MINIMAL + "training: {batch_size: 2, workers: 3}\n", r"batch_size 2 is less than a shape"),
+        (MINIMAL + "training: {betas: [0.9, 1]}\n", r"line 3: training.betas.1: .* less than 1"),
+        (
+            MINIMAL + "training: {losses: {fit1: 0, fit2: 0, symmetry: 0, occupancy: 0}}\n",
+            "nothing is trained",
+        ),
     ],
 )
 def test_mistakes_are_met_when_the_job_is_read(tmp_path: Path, text: str, says: str) -> None:
@@ -252,7 +306,53 @@ def test_a_variants_group_is_merged(tmp_path: Path) -> None:
     assert variant.training.batch_size == 4
 
 
+def test_an_empty_group_says_nothing(tmp_path: Path) -> None:
+    text = "variants: {main: {}, paper: {preset: paper}}\n"
+    plain = load_job(job_file(tmp_path, MINIMAL + text)).variants()["paper"]
+    found = load_job(job_file(tmp_path, MINIMAL + "abstract: {}\n" + text)).variants()["paper"]
+    assert found == plain
+    assert not found.abstract.fit
+
+
+def test_aliases_give_what_they_stand_for(tmp_path: Path) -> None:
+    text = MINIMAL + "training: &t {epochs: 3}\nvariants: {main: {}, b: {training: {<<: *t}}}\n"
+    assert load_job(job_file(tmp_path, text)).variant("b").training.epochs == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("network: {start: octants}\n", "line 3: network.start: octants needs .*positives is 12"),
+        (
+            "network: {positives: 8, negatives: 4, start: octants}\n",
+            "line 3: network.start: octants needs .*negatives is 4",
+        ),
+        (
+            "training: {begin: shipped}\nnetwork: {negatives: 4}\n",
+            "line 3: training.begin: .* network.negatives is 4, theirs 8",
+        ),
+        (
+            "training: {begin: shipped}\nvariants: {main: {}, b: {training.begin: /nowhere}}\n",
+            "line 4: variants.b: training.begin: there is no positive.safetensors in /nowhere",
+        ),
+    ],
+)
+def test_networks_that_cannot_be_are_refused_at_once(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(JobError, match=says):
+        check_networks(load_job(job_file(tmp_path, MINIMAL + text)))
+
+
+def test_networks_that_are_not_trained_may_be_anything(tmp_path: Path) -> None:
+    text = "weights: shipped\nnetwork: {negatives: 4, start: octants}\n"
+    check_networks(load_job(job_file(tmp_path, MINIMAL + text)))
+
+
+def test_a_preset_is_settled_once_a_job_is_read(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match="--set preset: its values are settled already"):
+        with_overrides(load_job(job_file(tmp_path, MINIMAL)), ["preset=paper"])
+
+
 def test_missing_weights_are_named(tmp_path: Path) -> None:
     job = load_job(job_file(tmp_path, MINIMAL + "weights: nowhere\n"))
     with pytest.raises(JobError, match=r"line 3: weights: there is no positive.safetensors"):
-        check_weights(job)
+        check_networks(job)

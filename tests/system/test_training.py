@@ -11,12 +11,12 @@ import pytest
 
 from pnabs.dataset.samples import write_collection
 from pnabs.stages.context import split_shard
-from pnabs.stages.errors import RefusedError, UsageError
+from pnabs.stages.errors import RefusedError
 from pnabs.stages.job import JobError
 from pnabs.stages.phases import training_models
 from pnabs.stages.progress import Reporter
 from pnabs.stages.run import Result
-from pnabs.stages.status import stored_context
+from pnabs.stages.status import status, stored_context
 from pnabs.stages.training_data import load_training_set
 from pnabs.store.run import RunFolder
 from tests.system.conftest import Launcher
@@ -52,9 +52,13 @@ def test_training_begins_with_given_weights(
     moved = shutil.copytree(begin, tmp_path / "moved")
     launch(out, f"training.begin={moved}", "training.epochs=1", stages=stages, accept=True)
     assert len(losses(out, "positive-initial")) == 1
+    # Who only looks needs the run folder alone.
+    shutil.rmtree(moved)
+    lines = {line.stage: line for line in status(stored_context(RunFolder(out), Reporter(True)))}
+    assert lines["train positive-refinement"].done == 1
 
     other = tmp_path / "other"
-    with pytest.raises(UsageError, match=r"network\.positives is 5, theirs 6"):
+    with pytest.raises(JobError, match=r"network\.positives is 5, theirs 6"):
         launch(other, *changes, "network.positives=5", stages=stages)
     # Other content under the same name is another training, and nobody's accident.
     shutil.copy(begin / "negative.safetensors", begin / "positive.safetensors")
