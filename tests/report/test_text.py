@@ -24,7 +24,7 @@ def block(text, title):
 
 def test_columns_are_right_aligned_under_their_names(row, table):
     text = render_text(tables(row, table, ["chair", "airplane"], iou_64=0.5), width=120)
-    assert text.startswith("Figures cover all models.\n\n")
+    assert text.startswith("Figures cover the test models.\n\n")
     head, models, cropped, *_ = block(text, "IoU at 64³, % (higher is better)")
     assert head.split() == ["airplane", "chair", "average", "95", "%", "interval"]
     for name, count in (("airplane", "5"), ("chair", "5")):
