@@ -43,8 +43,6 @@ class Objective(nn.Module):
         self.phase = phase
         self.training_options = training
         self.weights = active_terms(module, phase, training.losses)
-        if not self.weights:
-            raise ValueError("all loss weights are 0: nothing to train")
         trained = ("initial_" if phase == "initial" else "refine_",)
         for name, parameter in network.named_parameters():
             parameter.requires_grad_(name.startswith(trained))
