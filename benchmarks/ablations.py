@@ -107,8 +107,8 @@ def curves(run: Path, variants: list[str]) -> str:
         ends = []
         for phase in PHASES:
             found = (run / "variants" / name / "checkpoints" / phase).glob("*/curves.json")
-            last = [json.loads(path.read_text())[-1]["iou_32"] for path in found]
-            ends.append(f"{last[0]:.3f}" if last else "")
+            last = [json.loads(path.read_text())[-1].get("iou_32") for path in found]
+            ends.append(f"{last[0]:.3f}" if last and last[0] is not None else "")
         if any(ends):
             rows.append([NAMES.get(name, name), *ends])
     return markdown(["", *(phase.replace("-", ", ") for phase in PHASES)], rows)

@@ -232,15 +232,6 @@ class Training(Group):
     workers: PositiveInt = 1
     """Data-parallel training processes; at most `batch_size`."""
 
-    @model_validator(mode="after")
-    def _a_shape_for_each_worker(self) -> Training:
-        if self.batch_size < self.workers:
-            raise ValueError(
-                f"batch_size {self.batch_size} is less than a shape for each of the "
-                f"{self.workers} workers"
-            )
-        return self
-
     def begin_weights(self, module: str) -> Path | None:
         """The file of a module's weights to begin with; None to begin with nothing."""
         if self.begin is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+from pnabs.stages.folder import kept_weights
 from pnabs.stages.identity import check_identity, given_weights
 from pnabs.stages.job import Job
 from pnabs.stages.networks import check_networks
@@ -33,7 +34,7 @@ def dry_run(job: Job, options: Options, reporter: Reporter) -> str:
     check_identity(identity, job.settings, accept=accept)
     job = job.in_order_of(identity)
     catalogue = scan(job.settings, run, identity, reporter, accept=accept).catalogue
-    kept = {} if accept or identity is None else identity["kept_weights"]
+    kept = kept_weights(job, run, identity, options)
     shards = Shards.of_table(catalogue)
     context = context_of(job, run, reporter, shards, given=given_weights(job), kept=kept)
     context = dataclasses.replace(

@@ -66,7 +66,7 @@ def open_folder(
     job = job.in_order_of(identity)
     with interrupts.at_once("listing the dataset"):
         found = scan(job.settings, run, identity, reporter, accept=accept)
-    kept = _kept_weights(job, run, identity, options)
+    kept = kept_weights(job, run, identity, options)
     run.sweep()
     # Before the catalogue, which takes edited files' new times, is written.
     _withdraw(run, found.edited, options)
@@ -126,7 +126,7 @@ def _withdraw(run: RunFolder, edited: frozenset[str], options: Options) -> None:
         ledger.write_quarantine(stage)
 
 
-def _kept_weights(
+def kept_weights(
     job: Job, run: RunFolder, identity: dict[str, Any] | None, options: Options
 ) -> dict[str, str]:
     """The phases whose weights stay whatever the dataset is now, for run.json."""

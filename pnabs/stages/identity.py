@@ -81,14 +81,15 @@ def given_weights(job: Job) -> dict[str, str]:
     given = {}
     for name, settings in job.variants().items():
         folder = settings.weights_folder
-        if folder is not None:
-            for path in sorted(folder.glob("*.safetensors")):
-                given[f"{name}/{path.stem}"] = file_digest(path)["sha256"]
-            continue
-        for module in MODULES:
-            begin = settings.training.begin_weights(module)
-            if begin is not None and begin.is_file():
-                given[f"{name}/begin/{module}"] = file_digest(begin)["sha256"]
+        for module in MODULES[: 1 + settings.abstract.negatives]:
+            if folder is not None:
+                key, path = f"{name}/{module}", folder / f"{module}.safetensors"
+            elif (begin := settings.training.begin_weights(module)) is not None:
+                key, path = f"{name}/begin/{module}", begin
+            else:
+                continue
+            if path.is_file():
+                given[key] = file_digest(path)["sha256"]
     return given
 
 

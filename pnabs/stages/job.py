@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from pnabs.settings import Settings
 from pnabs.stages.presets import PRESETS, written_out
-from pnabs.stages.trees import assign, dotted, leaves, merge
+from pnabs.stages.trees import assign, dotted, flattened, leaves, merge
 
 _SHARED = ("dataset", "ingest", "out", "seed", "preset", "runtime", "report", "variants")
 """Settings that no variant may give."""
@@ -111,7 +111,7 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
     variants = {}
     for name, changes in settings.variants.items():
         try:
-            variants[name] = written_out(changes, settings.preset, said)
+            variants[name] = _here(written_out(changes, settings.preset, said))
         except ValueError as error:
             raise JobError(f"{variant_place(where, name)}{error}") from None
     settings = settings.model_copy(update={"variants": variants})
@@ -133,6 +133,16 @@ def variant_place(where: Mapping[tuple[str, ...], str], variant: str) -> str:
     """How an error about a variant begins."""
     place = where.get(("variants", variant))
     return f"{place}: variants.{variant}: " if place else f"variants.{variant}: "
+
+
+def _here(changes: dict[str, Any]) -> dict[str, Any]:
+    """A variant's changes with paths made absolute, as `_absolute` makes the job's."""
+    paths = {
+        key: str(Path(value).absolute())
+        for key in ("weights", "training.begin")
+        if isinstance(value := changes.get(key), str) and value != "shipped"
+    }
+    return changes | paths
 
 
 def _absolute(settings: Settings) -> Settings:
@@ -209,7 +219,10 @@ def with_overrides(job: Job, overrides: Sequence[str]) -> Job:
     tree = job.settings.model_dump(mode="json", exclude_unset=False)
     where, origins = dict(job.where), dict(job.origins)
     _override(tree, overrides, where, origins)
-    return Job(_absolute(_validate(tree, where, "")), origins, job.path, where)
+    settings = _absolute(_validate(tree, where, ""))
+    variants = {name: _here(flattened(own)) for name, own in settings.variants.items()}
+    settings = settings.model_copy(update={"variants": variants})
+    return Job(settings, origins, job.path, where)
 
 
 def _override(
@@ -232,7 +245,9 @@ def _override(
         for depth in range(1, len(parts)):
             where.setdefault(parts[:depth], f"--set {override}")
         where[parts] = f"--set {override}"
-        origins[key] = "--set"
+        group = parsed if isinstance(parsed, dict) and parts[0] != "variants" else None
+        said = [key] if group is None else [f"{key}.{leaf}" for leaf in dotted(group)]
+        origins.update(dict.fromkeys(said, "--set"))
 
 
 _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"

@@ -13,31 +13,36 @@ OCTANTS = 8
 
 
 def check_networks(job: Job) -> None:
-    """Check every variant's given weights, and its cuboids' number where they start at octants.
+    """Check every variant's given weights, and what can't be trained.
 
     Raises
     ------
     JobError
-        When a module's file is missing, or training is to begin with another network's weights;
-        names the place in the job file.
+        When a module's file is missing, training is to begin with another network's weights, or
+        can't be shared out; names the place in the job file.
     """
     for name, settings in job.variants().items():
         for module in MODULES[: 1 + settings.abstract.negatives]:
             key, error = _checked(settings, module)
             if error is None:
                 continue
-            own = job.settings.variants[name].keys() & and_parents(key)
-            place = variant_place(job.where, name)
-            if not own:
-                place = f"{job.where.get(tuple(key.split('.')), job.path)}: "
-            raise JobError(f"{place}{key}: {error}")
+            if job.settings.variants[name].keys() & and_parents(key):
+                raise JobError(f"{variant_place(job.where, name)}{key}: {error}")
+            which = "" if name == "main" else f" (variant {name})"
+            place = job.where.get(tuple(key.split(".")), job.path)
+            raise JobError(f"{place}: {key}: {error}{which}")
 
 
 def _checked(settings: Settings, module: str) -> tuple[str, str | None]:
     """The key that a module's start depends on, and what is wrong with it."""
     if settings.weights_folder is not None:
         return "weights", _missing(settings.weights_folder / f"{module}.safetensors")
-    begin, network = settings.training.begin_weights(module), settings.network
+    training = settings.training
+    if training.batch_size < training.workers:
+        return "training.batch_size", (
+            f"{training.batch_size} is less than a shape for each of the {training.workers} workers"
+        )
+    begin, network = training.begin_weights(module), settings.network
     if begin is not None:
         return "training.begin", _missing(begin) or _another(begin, network, module)
     count = _count(network, module)

@@ -17,7 +17,7 @@ from pnabs.stages.context import Context
 from pnabs.stages.errors import UsageError
 from pnabs.stages.identity import given_weights
 from pnabs.stages.job import Job
-from pnabs.stages.plan import fingerprint, given_to, homes, recipe_digest, stages_of
+from pnabs.stages.plan import fingerprint, homes, recipe_digest, stages_of
 from pnabs.stages.training_models import TrainingModels
 from pnabs.store.atomic import is_as_written
 from pnabs.store.events import read_events
@@ -109,11 +109,10 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     plans: list[PhasePlan] = []
     begin = job.training.begin_weights(module)
     before = context.given_weights.get(f"{variant}/begin/{module}")
-    given = given_to(stage, variant, context.given_weights)
     for phase in PHASES:
         inputs = {"phase": phase, "models": models.digest, "before": before}
         mark = fingerprint(recipe, inputs)
-        mark = context.kept_weights.get(kept_key(recipe, given, phase), mark)
+        mark = context.kept_weights.get(kept_key(recipe, phase), mark)
         inherits = plans[-1].folder / WEIGHTS if plans else begin
         plans.append(
             PhasePlan(job, home, volumes, module, phase, mark, models, validation, inherits)
@@ -122,16 +121,9 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     return plans
 
 
-def kept_key(recipe: str, given: tuple[str | None, ...], phase: str) -> str:
-    """What names a phase's weights in run.json when they are kept.
-
-    Parameters
-    ----------
-    given
-        As of `plan.given_to`.
-    """
-    begun = f"{fingerprint(recipe, given)[:16]}-" if any(given) else ""
-    return f"{recipe[:16]}-{begun}{phase}"
+def kept_key(recipe: str, phase: str) -> str:
+    """What names a phase's weights in run.json when they are kept."""
+    return f"{recipe[:16]}-{phase}"
 
 
 def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
@@ -152,7 +144,6 @@ def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
         trained = [stage for stage in stages_of(settings) if stage.startswith("train-")]
         for stage in trained:
             recipe = recipe_digest(stage, settings)
-            given = given_to(stage, variant, weights)
             home = run.variant(homes(variants, stage, weights)[variant])
             for phase in PHASES:
                 name = f"{stage.removeprefix('train-')}-{phase}"
@@ -162,7 +153,7 @@ def find_weights(job: Job, run: RunFolder) -> dict[str, str]:
                         f"--keep-weights: {name} of variant {variant} has no finished weights of "
                         "these settings in the run folder"
                     )
-                kept[kept_key(recipe, given, phase)] = folder.name
+                kept[kept_key(recipe, phase)] = folder.name
     return kept
 
 

@@ -59,7 +59,7 @@ def recipe(stage: str, job: Settings, versions: Mapping[str, int] | None = None)
         }
     elif stage == "train-positive":
         network = job.network.model_dump(mode="json", exclude={"negatives"})
-        training = _training(job, exclude={"losses": {"separation"}})
+        training = job.training.model_dump(mode="json", exclude={"losses": {"separation"}})
         before = recipe("ingest", job, versions)
         values = {"network": network, "training": training, "after": before}
     elif stage == "difference":
@@ -70,7 +70,7 @@ def recipe(stage: str, job: Settings, versions: Mapping[str, int] | None = None)
         }
     elif stage == "train-negative":
         network = job.network.model_dump(mode="json", exclude={"positives"})
-        training = _training(job)
+        training = job.training.model_dump(mode="json")
         before = recipe("difference", job, versions)
         values = {"network": network, "training": training, "after": before}
     elif stage == "abstract":
@@ -112,12 +112,6 @@ def _positives(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:
 def _negatives(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:
     trained = job.weights is None
     return recipe("train-negative", job, versions) if trained else _given(job, versions)
-
-
-def _training(job: Settings, **exclude: Any) -> dict[str, Any]:
-    values = job.training.model_dump(mode="json", **exclude)
-    # As with given weights; a folder that has moved is the same.
-    return values if job.training.begin is None else values | {"begin": "given"}
 
 
 def _given(job: Settings, versions: Mapping[str, int]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pnabs.settings import Dataset, Settings
-from pnabs.stages.trees import and_parents, at, dotted, merge
+from pnabs.stages.trees import and_parents, at, dotted, flattened, merge
 
 PAPER: dict[str, Any] = {
     "network": {"channels": [4, 8, 16, 32, 64], "hidden": 64, "refine_input": "vector"},
@@ -27,7 +27,7 @@ PRESETS: dict[str, dict[str, Any]] = {"best": {}, "paper": PAPER}
 
 
 def written_out(changes: Mapping[str, Any], job: str, said: Collection[str]) -> dict[str, Any]:
-    """A variant's changes with the values of its own preset, if it takes another than the job.
+    """A variant's changes as dotted leaves, with its own preset's if it takes another than the job.
 
     They stand in the place of the job's preset: what the job or the variant itself says stands
     above them.
@@ -49,11 +49,11 @@ def written_out(changes: Mapping[str, Any], job: str, said: Collection[str]) -> 
     preset = changes.get("preset", job)
     if not isinstance(preset, str) or preset not in PRESETS:
         raise ValueError(f"preset: there are {' and '.join(PRESETS)} (got {preset!r})")
-    own = {key: value for key, value in changes.items() if key != "preset"}
+    own = flattened({key: value for key, value in changes.items() if key != "preset"})
     if preset == job:
         return own
     keys = dotted(PRESETS[job]) | dotted(PRESETS[preset])
     keys = {key for key in keys if not set(said).intersection(and_parents(key))}
     defaults = Settings(dataset=Dataset(root="/"), out=Path("/")).model_dump(mode="json")
     values = merge(defaults, PRESETS[preset])
-    return {key: at(values, key) for key in sorted(keys)} | own
+    return {key: at(values, key.split(".")) for key in sorted(keys)} | own

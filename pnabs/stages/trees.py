@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -22,15 +22,29 @@ def dotted(tree: Mapping[str, Any]) -> set[str]:
     return {".".join(path) for path in leaves(tree)}
 
 
+def flattened(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Dotted keys and groups as dotted leaves, each once: what comes last stands.
+
+    So their order, which a file with sorted keys doesn't keep, says nothing any more.
+    """
+    flat: dict[str, Any] = {}
+    for key, value in changes.items():
+        if isinstance(value, Mapping):
+            flat |= {f"{key}.{'.'.join(path)}": at(value, path) for path in leaves(value)}
+        else:
+            flat[key] = value
+    return flat
+
+
 def and_parents(key: str) -> list[str]:
     """`a.b.c` -> `a`, `a.b`, `a.b.c`."""
     return list(accumulate(key.split("."), "{}.{}".format))
 
 
-def at(tree: Mapping[str, Any], key: str) -> Any:
-    """What stands at a dotted key."""
+def at(tree: Mapping[str, Any], path: Sequence[str]) -> Any:
+    """What stands at a path."""
     value: Any = tree
-    for part in key.split("."):
+    for part in path:
         value = value[part]
     return value
 
