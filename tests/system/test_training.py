@@ -60,7 +60,8 @@ def test_training_begins_with_given_weights(
     with pytest.raises(JobError, match=r"network\.positives is 5, theirs 6"):
         launch(other, *changes, "network.positives=5", stages=stages)
     # Other content under the same name is another training, and nobody's accident.
-    shutil.copy(begin / "negative.safetensors", begin / "positive.safetensors")
+    (path,) = (run / "variants/main/checkpoints/positive-initial").glob("*/weights.safetensors")
+    shutil.copy(path, begin / "positive.safetensors")
     with pytest.raises(RefusedError, match="weights main/begin/positive: other content") as refused:
         launch(out, *changes, stages=stages)
     assert "train-positive" in str(refused.value)
