@@ -16,6 +16,8 @@ import numpy as np
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from pnabs.report import build_tables
+
 NAMES = {
     "main": "OURS",
     "no-preprocess": "without pre-process",
@@ -23,6 +25,7 @@ NAMES = {
     "no-separation": "without `L_sep`",
     "positives-only": "POSPRIM (positives only)",
     "plus": "OURS+",
+    "plus-no-postprocess": "OURS+ without post-process",
 }
 MEASURES = {
     "iou_32": "IoU at 32³, %",
@@ -54,7 +57,7 @@ def signed(value: float) -> str:
 def averages(table: dict[str, Any]) -> str:
     """Every variant's figures by category, and their average."""
     kept = [j for j, column in enumerate(table["columns"]) if column["models"] >= 5]
-    labels = [table["columns"][j]["label"] for j in kept]
+    labels = [table["columns"][j]["label"].replace("04490091", "van") for j in kept]
     rows = [
         [
             NAMES.get(row["variant"], row["variant"]),
@@ -137,6 +140,13 @@ def main(run: Path) -> None:
     for row in (row for name in MEASURES for row in tables[name]["rows"]):
         if row["variant"] == "plus" and row["role"] == "difference":
             click.echo(f"OURS+ minus its positives: {row['summary']:.2f} {row['interval']}")
+    pair = ("plus", "plus-no-postprocess")
+    if set(pair) <= set(variants):
+        stored = {name: pq.read_table(run / "variants" / name / "metrics") for name in pair}
+        compared = build_tables(stored, np.random.default_rng(0))
+        for name in MEASURES:
+            row = compared[f"variants/{name}"].rows[-1]
+            click.echo(f"OURS+ minus itself without post-process: {row.summary:.2f} {row.interval}")
 
 
 if __name__ == "__main__":
