@@ -393,6 +393,6 @@ def test_stopped_while_it_loads(place: Path, tmp_path: Path) -> None:
         time.sleep(0.02)
     os.killpg(driver.pid, signal.SIGINT)  # as a terminal does
     _, said = driver.communicate(timeout=60)
-    assert driver.returncode == 130
+    assert driver.returncode == 130, said
     assert "Traceback" not in said
     assert "stopped" in said
