@@ -7,9 +7,12 @@ import gc
 import json
 import os
 import shlex
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 import click
@@ -28,14 +31,23 @@ KINDS = ("invalid", "error", "crash", "timeout", "memory")
 
 
 class Commands(click.Group):
-    """The commands; Ctrl-C has its exit code also while one of them still loads."""
+    """The commands; Ctrl-C ends them also while they load, and when they have nothing to tidy."""
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command that was named."""
+        if threading.current_thread() is not threading.main_thread():
+            return super().invoke(ctx)
+        before = signal.signal(signal.SIGINT, _stop)
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            _fail("stopped", 130)
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:
+    # Not as an exception: libraries swallow any while they import each other.
+    os.write(2, b"stopped\n")
+    os._exit(128 + number)
 
 
 @click.group(

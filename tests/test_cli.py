@@ -116,3 +116,23 @@ def test_samples(tmp_path: Path) -> None:
     assert result.stdout == ""
     wrong = invoke("samples", str(tmp_path / "t"), "--category", "chiar")
     assert wrong.exit_code == 2
+
+
+def test_an_interrupt_ends_a_command_whatever_swallows_it() -> None:
+    """Libraries import each other with `except BaseException: pass`."""
+    code = """
+import os, signal
+from pnabs.cli import main
+
+@main.command()
+def load():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except BaseException:
+        pass
+    print("went on", flush=True)
+
+main(["load"])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped\n")
