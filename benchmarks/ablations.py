@@ -61,7 +61,7 @@ def averages(table: dict[str, Any]) -> str:
     rows = [
         [
             NAMES.get(row["variant"], row["variant"]),
-            *(f"{row['values'][j]:.1f}" for j in kept),
+            *("-" if row["values"][j] is None else f"{row['values'][j]:.1f}" for j in kept),
             f"{row['summary']:.2f}",
         ]
         for row in table["rows"]
@@ -137,9 +137,6 @@ def main(run: Path) -> None:
         f"Over {known.sum()} models the post-process' change of the distance and of the open "
         f"space correlate by {together:.2f}."
     )
-    for row in (row for name in MEASURES for row in tables[name]["rows"]):
-        if row["variant"] == "plus" and row["role"] == "difference":
-            click.echo(f"OURS+ minus its positives: {row['summary']:.2f} {row['interval']}")
     pair = ("plus", "plus-no-postprocess")
     if set(pair) <= set(variants):
         stored = {name: pq.read_table(run / "variants" / name / "metrics") for name in pair}

@@ -20,7 +20,8 @@ import trimesh
 
 from pnabs.formats import from_json
 from pnabs.geometry import cuboid, quaternion
-from pnabs.geometry.crop import crop, croppable, difference, placed
+from pnabs.geometry.crop import crop, croppable, placed
+from pnabs.geometry.manifolds import difference
 from pnabs.geometry.solidify import solidify
 from pnabs.geometry.types import Cuboids
 from pnabs.settings import Abstract

@@ -1,18 +1,15 @@
-"""The fit: agreement against seconds, boxes, splits and starts, and beside other programs.
+"""The fit: agreement against seconds, boxes, splits and starts.
 
-    python -m benchmarks.fit --run RUN [--split test] [--others 14 --corpus CORPUS]
+    python -m benchmarks.fit --run RUN [--split test]
 
 RUN is a finished run with networks' weights.  CPU seconds on one core, fit alone.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,21 +17,18 @@ import click
 import numpy as np
 
 from pnabs.dataset import catalogue
+from pnabs.geometry.exact import overlap
 from pnabs.geometry.fit import fit as fitting
 from pnabs.geometry.fit.build import Effort, Terms
-from pnabs.geometry.metrics import (
-    OriginalSurface,
-    hull_occupancy,
-    iou,
-    predicted_occupancy,
-    surface_distances,
-)
+from pnabs.geometry.manifolds import to_manifold
+from pnabs.geometry.metrics import hull_occupancy, iou, predicted_occupancy
 from pnabs.geometry.postprocess import postprocess
-from pnabs.geometry.sampling import draw_on_triangles
+from pnabs.geometry.reference import Reference
 from pnabs.geometry.solidify import solidify
 from pnabs.geometry.types import Bool, Cuboids, Float64
 from pnabs.pipeline import Predictor, Shape, model_rng, thickened
-from pnabs.report.compare import MIN_MODELS, bootstrap_means
+from pnabs.report.averages import bootstrap_means
+from pnabs.report.tables import MIN_MODELS
 from pnabs.settings import Abstract
 from pnabs.stages.context import read_shard_rows
 from pnabs.stages.difference import models_of as finished_models
@@ -60,9 +54,14 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What a way of fitting gives for each model, (n,) each."""
+    """What a way of fitting gives for each model, (n,) each.
 
-    iou: Float64
+    `volume` is NaN for models that aren't closed.
+    """
+
+    volume: Float64
+    iou_128: Float64
+    iou_64: Float64
     boxes: Float64
     negatives: Float64
     seconds: Float64
@@ -104,9 +103,19 @@ def models_of(run: Path, split: str) -> list[Model]:
     return [model for model in found if number[model.category] >= MIN_MODELS]
 
 
-def agreement(pair: Pair, occupancy: Bool) -> float:
-    """`iou_64`."""
-    return iou(predicted_occupancy(*pair, 64, OPTIONS.min_side), occupancy)
+def agreement(pair: Pair, model: Model) -> tuple[float, float, float]:
+    """Exact volume IoU of the mesh, NaN where the shape isn't closed; `iou_128`; `iou_64`."""
+    shape = model.shape
+    grids = [
+        iou(predicted_occupancy(*pair, side, OPTIONS.min_side), cells)
+        for side, cells in ((128, shape.occupancy_128), (64, shape.occupancy_64))
+    ]
+    exact = Reference.of(shape).solid
+    if exact is None:
+        return float("nan"), *grids
+    mesh = solidify(*pair, OPTIONS, np.random.default_rng(0)).mesh
+    result = None if mesh.is_empty else to_manifold(mesh.vertices, mesh.faces)
+    return 0.0 if result is None else overlap(exact, result).volume_iou, *grids
 
 
 def fitted(
@@ -125,7 +134,9 @@ def fitted(
         shape.surface,
         shape.mirror,
         terms,
-        model_rng(0, "abstract", model.category, model.model_id),
+        model_rng(0, "abstract"),
+        extent=shape.extent,
+        min_side=OPTIONS.min_side,
         start=model.predicted if networks else None,
         scattered=scattered,
         effort=effort or Effort(),
@@ -139,8 +150,18 @@ def figures(models: Sequence[Model], way: Callable[[Model], tuple[Pair, float]])
     for model in models:
         pair, seconds = way(model)
         count = len(pair[0]) + len(pair[1])
-        rows.append((agreement(pair, model.shape.occupancy_64), count, len(pair[1]), seconds))
+        rows.append((*agreement(pair, model), count, len(pair[1]), seconds))
     return Figures(*np.array(rows, dtype=np.float64).T)
+
+
+def closed_mean(values: Float64) -> tuple[float, float, float]:
+    """Mean over the closed models, with its 95 % bootstrap interval."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return (float("nan"),) * 3
+    draws = bootstrap_means(known[:, None], 2000, np.random.default_rng(0))
+    low, high = np.percentile(draws, [2.5, 97.5])
+    return float(known.mean()), float(low), float(high)
 
 
 def macro(values: Float64, models: Sequence[Model]) -> tuple[float, float, float]:
@@ -166,12 +187,17 @@ def concave(models: Sequence[Model]) -> Bool:
 def table(title: str, models: Sequence[Model], ways: dict[str, Figures]) -> None:
     """One row a way."""
     click.echo(f"\n### {title}\n")
-    click.echo("| | IoU 64^3, macro | 95 % interval | boxes | negatives | s, mean | s, p95 |")
-    click.echo("| --- | --- | --- | --- | --- | --- | --- |")
+    click.echo(
+        "| | exact volume IoU, closed | 95 % interval | IoU 128^3, macro | 95 % interval "
+        "| IoU 64^3, macro | boxes | negatives | s, mean | s, p95 |"
+    )
+    click.echo("| --- " * 10 + "|")
     for name, found in ways.items():
-        mean, low, high = macro(found.iou, models)
+        volume, finest = closed_mean(found.volume), macro(found.iou_128, models)
         click.echo(
-            f"| {name} | {mean:.4f} | {low:.3f} to {high:.3f} | {found.boxes.mean():.1f} "
+            f"| {name} | {volume[0]:.3f} | {volume[1]:.3f} to {volume[2]:.3f} "
+            f"| {finest[0]:.3f} | {finest[1]:.3f} to {finest[2]:.3f} "
+            f"| {macro(found.iou_64, models)[0]:.3f} | {found.boxes.mean():.1f} "
             f"| {found.negatives.mean():.1f} | {found.seconds.mean():.3f} "
             f"| {np.percentile(found.seconds, 95):.2f} |"
         )
@@ -188,22 +214,25 @@ def splits(models: Sequence[Model]) -> None:
         )
     table("Positives and negatives, 20 boxes", models, ways)
     hollow = concave(models)
+    closed = int(np.isfinite(free.volume).sum())
     click.echo(
-        "\nFound for each shape less fixed, by model (macro mean, 95 % interval): IoU, and IoU "
-        f"less the price of the boxes; all {len(models)} models, and the {hollow.sum()} that fill "
-        "less than half of their convex hull.\n"
+        "\nFound for each shape less fixed, paired by model (95 % interval): exact volume IoU over "
+        f"the {closed} closed models; IoU at 128^3, macro, over all {len(models)} models, and over "
+        f"the {hollow.sum()} that fill less than half of their convex hull.\n"
     )
-    click.echo("| fixed | IoU, all | less price, all | IoU, concave | less price, concave |")
-    click.echo("| --- | --- | --- | --- | --- |")
+    click.echo("| fixed | volume IoU, closed | IoU 128^3, all | IoU 128^3, concave |")
+    click.echo("| --- | --- | --- | --- |")
     inner = [model for model, chosen in zip(models, hollow, strict=True) if chosen]
     for name, found in list(ways.items())[1:]:
-        cells = []
-        for mask, group in ((np.ones(len(models), bool), models), (hollow, inner)):
-            gain = free.iou - found.iou
-            worth = gain - PRICE * (free.boxes - found.boxes)
-            for values in (gain, worth):
-                mean, low, high = macro(values[mask], group)
-                cells.append(f"{mean:+.4f} ({low:+.4f} to {high:+.4f})")
+        gain = free.iou_128 - found.iou_128
+        cells = [
+            f"{mean:+.4f} ({low:+.4f} to {high:+.4f})"
+            for mean, low, high in (
+                closed_mean(free.volume - found.volume),
+                macro(gain, models),
+                macro(gain[hollow], inner),
+            )
+        ]
         click.echo(f"| {name} | {' | '.join(cells)} |")
 
 
@@ -245,146 +274,48 @@ def efforts(models: Sequence[Model]) -> None:
 
 
 def feed_forward(models: Sequence[Model]) -> None:
-    """The networks' boxes and the fitted ones by category, with distances of the meshes."""
-    rows: dict[str, list[tuple[float, ...]]] = {}
-    for model in models:
-        occupancy, row = model.shape.occupancy_64, []
-        original = OriginalSurface(model.shape.surface)
-        pair, seconds = fitted(model, Terms(20, PRICE))
-        for one in (model.predicted, pair):
-            solid = solidify(*one, OPTIONS, np.random.default_rng(0))
-            distance = 0.0
-            if not solid.is_empty:
-                points = draw_on_triangles(
-                    solid.mesh.triangles, OPTIONS.metric_samples, np.random.default_rng(0)
-                )[0]
-                distance = surface_distances(original, solid.mesh, points)[2]
-            row += [agreement(one, occupancy), distance]
-        rows.setdefault(model.category, []).append((*row, len(pair[0]), len(pair[1]), seconds))
+    """The networks' boxes and the fitted ones by category."""
+    alone = figures(models, lambda model: (model.predicted, 0.0))
+    found = figures(models, lambda model: fitted(model, Terms(20, PRICE)))
+    category = np.array([model.category for model in models])
     click.echo("\n### By category, networks alone and fitted\n")
     click.echo(
-        "| category | models | IoU 64^3, networks | fitted | surface distance x 1000, networks "
-        "| fitted | positives | negatives | s |"
+        "| category | models | closed | volume IoU, networks | fitted | IoU 128^3, networks "
+        "| fitted | IoU 64^3, networks | fitted | positives | negatives | s |"
     )
-    click.echo("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    means = {name: np.mean(values, axis=0) for name, values in sorted(rows.items())}
-    means["average"] = np.mean(list(means.values()), axis=0)
-    for name, m in means.items():
-        count = len(rows.get(name, models))
-        click.echo(
-            f"| {name} | {count} | {m[0]:.3f} | {m[2]:.3f} | {m[1]:.1f} | {m[3]:.1f} "
-            f"| {m[4]:.1f} | {m[5]:.1f} | {m[6]:.2f} |"
-        )
+    click.echo("| --- " * 12 + "|")
+
+    def row(name: str, chosen: Bool) -> None:
+        known = chosen & np.isfinite(found.volume)
+        volumes = ["-", "-"]
+        if known.any():
+            volumes = [f"{one.volume[known].mean():.3f}" for one in (alone, found)]
+        cells = [name, str(chosen.sum()), str(known.sum()), *volumes]
+        for grid in ("iou_128", "iou_64"):
+            cells += [f"{getattr(one, grid)[chosen].mean():.3f}" for one in (alone, found)]
+        cells += [
+            f"{(found.boxes - found.negatives)[chosen].mean():.1f}",
+            f"{found.negatives[chosen].mean():.1f}",
+            f"{found.seconds[chosen].mean():.2f}",
+        ]
+        click.echo(f"| {' | '.join(cells)} |")
+
+    for name in sorted(set(category)):
+        row(name, category == name)
+    row("all models", np.ones(len(models), dtype=bool))
 
 
-OTHER = """
-import json, sys, numpy as np, time
-from pnabs.geometry.load import parse_mesh
-from pnabs.geometry.normalise import normalise
-from pnabs.settings import Limits
-name, path, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
-mesh = normalise(parse_mesh(open(path, "rb").read(), "." + path.rsplit(".")[-1], Limits()))[0]
-started = time.process_time()
-if name == "CoACD, boxes":
-    import coacd
-    coacd.set_log_level("off")
-    parts = coacd.run_coacd(
-        coacd.Mesh(mesh.vertices, mesh.faces), max_convex_hull=count, apx_mode="box"
-    )
-else:
-    import vhacdx
-    parts = vhacdx.compute_vhacd(
-        mesh.vertices, mesh.faces.astype(np.uint32), maxConvexHulls=count, asyncACD=False
-    )
-spent = time.process_time() - started
-print("RESULT" + json.dumps([spent, [np.asarray(part[0]).tolist() for part in parts]]))
-"""
-
-
-def by_other(name: str, path: Path, count: int, limit: float) -> tuple[float, Bool] | str:
-    """Seconds, and the cells of the hulls that another program makes; or how it ended."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    from pnabs.geometry.types import grid_points
-
-    command = [sys.executable, "-c", OTHER, name, str(path), str(count)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
-    except subprocess.TimeoutExpired:
-        return "time"
-    lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT")]
-    if not lines:
-        return "crash" if done.returncode < 0 else "error"
-    spent, parts = json.loads(lines[0].removeprefix("RESULT"))
-    points = grid_points(64)
-    cells = np.zeros(len(points), dtype=bool)
-    for corners in parts:
-        try:
-            planes = ConvexHull(np.array(corners)).equations
-        except QhullError:
-            continue
-        cells |= np.all(points @ planes[:, :3].T + planes[:, 3] <= 1e-9, axis=1)
-    return spent, cells.reshape(64, 64, 64)
-
-
-def others(models: Sequence[Model], corpus: Path, each: int, limit: float) -> None:
-    """Beside other programs at the number of boxes that the fit found."""
-    chosen = list(_spread(models, each))
-    click.echo(
-        f"\n### Beside other programs, {len(chosen)} models, as many parts as the fit's boxes\n"
-    )
-    click.echo("| | IoU 64^3, failures 0 | without failures | s, median | failures |")
-    click.echo("| --- | --- | --- | --- | --- |")
-    pairs = [fitted(model, Terms(20, PRICE)) for model in chosen]
-    ours = [agreement(p, m.shape.occupancy_64) for (p, _), m in zip(pairs, chosen, strict=True)]
-    seconds = np.median([spent for _, spent in pairs])
-    click.echo(f"| pnabs, fit | {np.mean(ours):.3f} | {np.mean(ours):.3f} | {seconds:.2f} | 0 |")
-    for name in ("CoACD, boxes", "V-HACD, hulls"):
-        found, spent, ends = [], [], Counter[str]()
-        for model, (pair, _) in zip(chosen, pairs, strict=True):
-            count = len(pair[0]) + len(pair[1])
-            result = by_other(name, corpus / model.source, count, limit)
-            if isinstance(result, str):
-                ends[result] += 1
-                continue
-            spent.append(result[0])
-            found.append(iou(result[1], model.shape.occupancy_64))
-        failed = ", ".join(f"{number} {end}" for end, number in ends.items()) or "0"
-        all_of_them = np.sum(found) / len(chosen)
-        click.echo(
-            f"| {name} | {all_of_them:.3f} | {np.mean(found):.3f} | {np.median(spent):.1f} "
-            f"| {failed} |"
-            if found
-            else f"| {name} | 0 | - | - | {failed} |"
-        )
-
-
-def _spread(models: Sequence[Model], each: int) -> Iterator[Model]:
-    """The first few models of each category."""
-    seen = Counter[str]()
-    for model in models:
-        seen[model.category] += 1
-        if seen[model.category] <= each:
-            yield model
-
-
-PARTS = ("categories", "splits", "budgets", "efforts", "others")
+PARTS = ("categories", "splits", "budgets", "efforts")
 
 
 @click.command()
 @click.option("--run", required=True, type=click.Path(path_type=Path), help="A finished run.")
 @click.option("--split", default="test", show_default=True)
 @click.option("--part", "parts", multiple=True, type=click.Choice(PARTS), help="Only this.")
-@click.option("--corpus", type=click.Path(path_type=Path), help="The run's dataset, for `others`.")
-@click.option("--each", default=2, show_default=True, help="Models a category for `others`.")
-@click.option("--limit", default=120.0, show_default=True, help="Seconds for each of `others`.")
 def main(
     run: Path,
     split: str,
     parts: tuple[str, ...],
-    corpus: Path | None,
-    each: int,
-    limit: float,
 ) -> None:
     """Print the tables of benchmarks/fit.md."""
     models = models_of(run, split)
@@ -399,8 +330,6 @@ def main(
     ):
         if part in parts:
             show(models)
-    if "others" in parts and corpus is not None:
-        others(models, corpus, each, limit)
 
 
 if __name__ == "__main__":

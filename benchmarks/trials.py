@@ -36,7 +36,7 @@ from pnabs.model.predict import predict
 from pnabs.model.start import start_points
 from pnabs.model.trainer import epoch_order, train_epoch
 from pnabs.pipeline import Shape, thickened
-from pnabs.report.compare import MIN_MODELS
+from pnabs.report.tables import MIN_MODELS
 from pnabs.stages.context import read_shard_rows
 from pnabs.stages.difference import models_of
 from pnabs.stages.presets import PAPER

@@ -5,18 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pnabs.evaluation import evaluate, score
     from pnabs.formats import Abstraction
     from pnabs.geometry.types import Cuboids
     from pnabs.library import abstract, load
 
 __version__ = "0.1.0"
-__all__ = ["Abstraction", "Cuboids", "abstract", "load"]
+__all__ = ["Abstraction", "Cuboids", "abstract", "evaluate", "load", "score"]
 
 _HOMES = {
     "Abstraction": "pnabs.formats",
     "Cuboids": "pnabs.geometry.types",
     "abstract": "pnabs.library",
+    "evaluate": "pnabs.evaluation",
     "load": "pnabs.library",
+    "score": "pnabs.evaluation",
 }
 
 

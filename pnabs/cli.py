@@ -20,6 +20,8 @@ import click
 import pnabs
 
 if TYPE_CHECKING:
+    from pnabs.evaluation.reading import Frame
+    from pnabs.settings import Layout
     from pnabs.stages.run import Result
 
 STAGES = (
@@ -28,6 +30,9 @@ STAGES = (
 )
 FORMATS = ("json", "glb", "parts", "obj", "ply", "stl", "urdf", "mjcf")
 KINDS = ("invalid", "error", "crash", "timeout", "memory")
+LAYOUTS = ("shapenet-v1", "shapenet-v2", "folder")
+SPLITS = ("train", "val", "test")
+FRAMES = ("input", "normalised")
 
 
 class Commands(click.Group):
@@ -383,6 +388,100 @@ def abstract(
         text = summary.text
     click.echo(text, nl=False)
     sys.exit(summary.exit_code)
+
+
+@main.command()
+@click.argument("shapes", metavar="SHAPES")
+@click.argument(
+    "results", metavar="RESULTS...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+@click.option("--name", "names", multiple=True, help="Of each RESULTS, in their order.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("evaluation"),
+    show_default=True,
+    help="Where rows and tables go.",
+)
+@click.option("--layout", type=click.Choice(LAYOUTS), help="Of a dataset [found out].")
+@click.option("--split", metavar="CSV|hash", help="Where the models' splits come from.")
+@click.option("--only", type=click.Choice(SPLITS), help="Models of this split alone.")
+@click.option("--category", "categories", multiple=True, help="Only this category.")
+@click.option(
+    "--frame",
+    type=click.Choice(FRAMES),
+    default="input",
+    show_default=True,
+    help="In which RESULTS' meshes and boxes are given.",
+)
+@click.option("--max-parts", type=click.IntRange(1), help="Results of more parts are failures.")
+@click.option("--jobs", type=click.IntRange(1), help="Results at a time [one a CPU].")
+@click.option("--address", help="Work on the Ray cluster there; `local` starts Ray here.")
+@click.option(
+    "--seed", type=click.IntRange(0, 2**32 - 1), help="Same seed, same figures [the run's, or 0]."
+)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Replace a setting.")
+@click.option("--max-failed", type=click.FloatRange(0, 100), help="Per cent that may fail [5].")
+@click.option("--retry", is_flag=True, help="Try again what couldn't be measured before.")
+def evaluate(
+    shapes: str,
+    results: tuple[Path, ...],
+    names: tuple[str, ...],
+    out: Path,
+    layout: Layout | None,
+    split: str | None,
+    only: str | None,
+    categories: tuple[str, ...],
+    frame: Frame,
+    max_parts: int | None,
+    jobs: int | None,
+    address: str | None,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    max_failed: float | None,
+    retry: bool,
+) -> None:
+    """Score RESULTS, anybody's, against SHAPES: a run, a dataset or meshes.
+
+    Results are folders of abstraction.json files or meshes, single ones, or boxes as csv or npz;
+    several stand side by side.  Run it again to go on, or with more of them: what is done stays.
+    """
+    if address is None:
+        from pnabs.batch.child import start_server
+
+        # Loads while the command itself does.
+        start_server(("pnabs.evaluation.warm",))
+    from pnabs.evaluation.names import named
+    from pnabs.evaluation.run import Request
+    from pnabs.evaluation.run import run as measure
+    from pnabs.evaluation.shapes import Choice
+    from pnabs.stages.progress import Reporter
+
+    if max_failed is not None:
+        overrides = (*overrides, f"runtime.max_failed={max_failed}")
+    with _errors():
+        request = Request(
+            shapes=shapes if "://" in shapes else Path(shapes),
+            results=named(results, names),
+            out=out,
+            choice=Choice(layout, split, only, categories),
+            frame=frame,
+            max_parts=max_parts,
+            seed=seed,
+            overrides=overrides,
+            jobs=jobs or len(os.sched_getaffinity(0)),
+            address=address,
+            retry=retry,
+            command=shlex.join(["pnabs", *sys.argv[1:]]),
+        )
+        # Ray writes to stdout when workers die; stdout is for results alone.
+        with contextlib.redirect_stdout(sys.stderr):
+            evaluation = measure(request, Reporter())
+    click.echo(evaluation.text, nl=False)
+    click.echo(f"\nmodels: {out / 'models.csv'}")
+    for line in evaluation.notices:
+        click.echo(line, err=True)
+    sys.exit(evaluation.exit_code)
 
 
 @main.command()

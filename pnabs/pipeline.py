@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +16,11 @@ from pnabs.formats import Abstraction
 from pnabs.geometry.difference import difference_volume
 from pnabs.geometry.fields import Fields, compute_fields
 from pnabs.geometry.fit.build import Terms
-from pnabs.geometry.fit.fit import Fitted, FittedLevel, fit
-from pnabs.geometry.metrics import iou, measure, predicted_occupancy
+from pnabs.geometry.fit.fit import Fitted, fit
+from pnabs.geometry.measure import measure
+from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.postprocess import postprocess
+from pnabs.geometry.reference import Boundary, Reference
 from pnabs.geometry.solidify import SolidResult, solidify
 from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Mesh
 
@@ -36,20 +38,28 @@ class Shape:
     ----------
     occupancy : (32, 32, 32) bool
     occupancy_64 : (64, 64, 64) bool
+    occupancy_128 : (128, 128, 128) bool
     sdf : (32, 32, 32) float32
     surface : (P, 6) float32
     transform : (4, 4) float64
         Normalised frame -> the input's coordinates.
     mirror : int
         Axis across which it is its own mirror image, or -1.
+    extent : (3,) float64
+        Sides of the bounding box, whose centre is the origin.
+    boundary : Boundary
+        What exact volumes and distances are measured against.
     """
 
     occupancy: Bool
     occupancy_64: Bool
+    occupancy_128: Bool
     sdf: Float32
     surface: Float32
     transform: Float64
     mirror: int
+    extent: Float64
+    boundary: Boundary
 
     @classmethod
     def of(cls, fields: Fields) -> Shape:
@@ -151,7 +161,7 @@ def finish(
     *,
     category: str,
     model_id: str,
-    rng: np.random.Generator,
+    seed: int,
     provenance: dict[str, Any],
 ) -> Abstraction:
     """From predicted cuboids to the checked, measured abstraction (METHOD, abstraction).
@@ -161,9 +171,11 @@ def finish(
 
     Parameters
     ----------
-    rng
-        The model's own random numbers.
+    seed
+        The job's: random numbers come from it alone.
     """
+    rng = model_rng(seed, "abstract")
+    seeds = model_rng(seed, "metrics").integers(2**32, size=2).tolist()
     negatives, report = postprocess(
         prediction.negatives,
         shape.surface,
@@ -183,39 +195,82 @@ def finish(
         "discarded_idle": report.discarded_idle,
         "suppressed": report.suppressed,
     }
-    for resolution, reference in ((32, shape.occupancy), (64, shape.occupancy_64)):
+    for resolution, cells in ((32, shape.occupancy), (64, shape.occupancy_64)):
         predicted = predicted_occupancy(positives, negatives, resolution, options.min_side)
-        counts[f"iou_{resolution}_networks"] = iou(predicted, reference)
-    coarser: dict[int, FittedLevel] = {}
-    if options.fit:
-        fitted = _fitted(positives, negatives, shape, options, rng)
-        if len(fitted.positives):
-            positives, negatives, coarser = fitted.positives, fitted.negatives, fitted.coarser
-            counts |= {
-                "mirrored_pairs": fitted.pairs,
-                "self_mirrored": fitted.centred,
-                "axis_aligned": fitted.aligned,
-            }
+        counts[f"iou_{resolution}_networks"] = iou(predicted, cells)
+    levels, found = _levels(positives, negatives, shape, options, rng)
+    counts |= found
+    reference = Reference.of(shape)
 
-    def made(added: Cuboids, removed: Cuboids, more: dict[str, float | int]) -> Abstraction:
-        solid = solidify(added, removed, options, rng)
+    def made(level: _Level, more: dict[str, float | int]) -> Abstraction:
         return Abstraction.from_solid(
-            solid,
+            level.solid,
             category=category,
             model_id=model_id,
-            positives=added,
-            negatives=removed,
+            positives=level.positives,
+            negatives=level.negatives,
             transform=shape.transform,
-            metrics=_measured(added, removed, solid, shape, options, rng) | more,
+            metrics=_measured(level, reference, options, seeds) | more,
             provenance=provenance,
         )
 
-    finest = made(positives, negatives, counts)
-    levels = {
-        size: replace(made(level.positives, level.negatives, {}), origins=level.origins)
-        for size, level in coarser.items()
-    }
-    return replace(finest, levels=levels) if levels else finest
+    finest = made(levels[0], counts)
+    coarser = {one.size: replace(made(one, {}), origins=one.origins) for one in levels[1:]}
+    return replace(finest, levels=coarser) if coarser else finest
+
+
+@dataclass(frozen=True, slots=True)
+class _Level:
+    """Boxes and the solid made of them; the finest has size 0."""
+
+    positives: Cuboids
+    negatives: Cuboids
+    solid: SolidResult
+    size: int = 0
+    origins: list[list[int]] = field(default_factory=list)
+
+
+def _levels(
+    positives: Cuboids,
+    negatives: Cuboids,
+    shape: Shape,
+    options: settings.Abstract,
+    rng: np.random.Generator,
+) -> tuple[list[_Level], dict[str, float | int]]:
+    """The finest level and the coarser ones, and what the fit counted.
+
+    A fit whose result leaves the input's bounding box is made again, held to the box.
+    """
+    for strict in (False, True) if options.fit else ():
+        fitted = _fitted(positives, negatives, shape, options, rng, strict=strict)
+        if not len(fitted.positives):
+            break
+        levels = [_solid(fitted.positives, fitted.negatives, shape, options, rng)]
+        levels += [
+            _solid(one.positives, one.negatives, shape, options, rng, size, one.origins)
+            for size, one in fitted.coarser.items()
+        ]
+        if strict or all(one.solid.check.within_bounds for one in levels):
+            return levels, {
+                "mirrored_pairs": fitted.pairs,
+                "self_mirrored": fitted.centred,
+                "axis_aligned": fitted.aligned,
+                "fitted_again": int(strict),
+            }
+    return [_solid(positives, negatives, shape, options, rng)], {}
+
+
+def _solid(
+    positives: Cuboids,
+    negatives: Cuboids,
+    shape: Shape,
+    options: settings.Abstract,
+    rng: np.random.Generator,
+    size: int = 0,
+    origins: list[list[int]] | None = None,
+) -> _Level:
+    solid = solidify(positives, negatives, options, rng, shape.extent)
+    return _Level(positives, negatives, solid, size, origins or [])
 
 
 def _fitted(
@@ -224,6 +279,8 @@ def _fitted(
     shape: Shape,
     options: settings.Abstract,
     rng: np.random.Generator,
+    *,
+    strict: bool,
 ) -> Fitted:
     return fit(
         shape.occupancy_64,
@@ -231,6 +288,9 @@ def _fitted(
         shape.mirror,
         Terms(options.boxes, options.price, negatives=None if options.negatives else 0),
         rng,
+        extent=shape.extent,
+        min_side=options.min_side,
+        strict=strict,
         start=None if options.start == "scattered" else (positives, negatives),
         scattered=options.start != "networks",
         sizes=options.levels,
@@ -238,38 +298,24 @@ def _fitted(
 
 
 def _measured(
-    positives: Cuboids,
-    negatives: Cuboids,
-    solid: SolidResult,
-    shape: Shape,
-    options: settings.Abstract,
-    rng: np.random.Generator,
+    level: _Level, reference: Reference, options: settings.Abstract, seeds: tuple[int, int]
 ) -> dict[str, float | int]:
     """The metrics of an abstraction, and how many cuboids it has."""
-    found = measure(
-        positives,
-        negatives,
-        solid,
-        occupancy=shape.occupancy,
-        occupancy_64=shape.occupancy_64,
-        surface=shape.surface,
-        options=options,
-        rng=rng,
-    )
+    found = measure(level.positives, level.negatives, level.solid, reference, options, seeds)
     # An empty result has no distances: absent rather than not a number.
     metrics = {name: value for name, value in found.items() if math.isfinite(value)}
     return metrics | {
-        "positives": len(positives),
-        "negatives": len(negatives),
-        "pieces_dropped": len(solid.mesh.dropped),
-        "jitter_attempt": solid.recipe.jitter_attempt,
+        "positives": len(level.positives),
+        "negatives": len(level.negatives),
+        "pieces_dropped": len(level.solid.mesh.dropped),
+        "jitter_attempt": level.solid.recipe.jitter_attempt,
     }
 
 
 class Abstractor:
     """Meshes to abstractions with trained networks, one at a time.
 
-    A mesh gets what a run of the same settings and weights gives it under the same name.
+    A mesh gets what a run of the same settings and weights gives it.
 
     Parameters
     ----------
@@ -303,7 +349,7 @@ class Abstractor:
             When no solid can be made of it.
         """
         job = self._job
-        rng = model_rng(job.seed, "ingest", category, model_id)
+        rng = model_rng(job.seed, "ingest")
         fields = compute_fields(mesh, job.ingest, job.dataset.layout, rng)
         shape = Shape.of(fields)
         (prediction,) = self._predictor(shape.occupancy[None], shape.sdf[None])
@@ -313,12 +359,16 @@ class Abstractor:
             job.abstract,
             category=category,
             model_id=model_id,
-            rng=model_rng(job.seed, "abstract", category, model_id),
+            seed=job.seed,
             provenance=provenance,
         )
 
 
-def model_rng(seed: int, stage: str, category: str, model_id: str) -> np.random.Generator:
-    """A model's own random numbers: from the job's seed and its name, never from order or time."""
-    name = f"{seed}/{stage}/{category}/{model_id}".encode()
+def model_rng(seed: int, stage: str) -> np.random.Generator:
+    """Random numbers for one model in one stage: the same for every model of the job.
+
+    They come from the job's seed and the stage alone.  So a mesh has one result, whatever its
+    name, its category and its company.
+    """
+    name = f"{seed}/{stage}".encode()
     return np.random.default_rng(int.from_bytes(hashlib.sha256(name).digest()[:16], "big"))

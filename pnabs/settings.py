@@ -112,6 +112,9 @@ class Limits(Group):
     """Largest mesh file, uncompressed."""
     max_faces: PositiveInt = 2_000_000
     """Most triangles of a mesh."""
+    exact_faces: PositiveInt = 100_000
+    """Most triangles of a mesh whose boundary is kept, for exact volumes and distances. Models with
+    more are counted as not measured by these."""
 
 
 class Solid(Group):
@@ -119,6 +122,9 @@ class Solid(Group):
 
     open: Literal["fill", "shell"] = "fill"
     """Open tubes and shades count as filled (`fill`), or keep only their sheets (`shell`)."""
+    sheet: Annotated[float, Field(ge=0, le=0.1)] = 0.005
+    """Thickness that a sheet without any counts as having when distances are measured, as a share
+    of the model's longest side."""
     mirror: Literal["auto", "layout", "x", "y", "z", "none"] = "auto"
     """Mirror axis of a model: the best of x and z by the solid's mirror IoU (`auto`), the
     layout's convention (`layout`: z for shapenet-v1, x for shapenet-v2), or fixed."""
@@ -332,14 +338,14 @@ class Runtime(Group):
     checkpoint_epochs: PositiveInt = 10
     """Epochs between a phase's checkpoints."""
     max_failed: Annotated[float, Field(ge=0, le=100)] = 5.0
-    """Per cent of the models that may fall out in a stage."""
+    """Per cent of the models that may fail in a stage."""
 
 
 class Report(Group):
     """The tables and the page."""
 
     pictures: int = Field(default=6, ge=0)
-    """Models pictured a category, from best to worst IoU."""
+    """Models pictured a category, from best to worst."""
     split: Literal["test", "val", "train", "all"] = "test"
     """Models that the tables cover; all where there is none of these."""
 
@@ -351,7 +357,7 @@ class Settings(Group):
     out: Annotated[Path, BeforeValidator(_on_disk)]
     """The run folder."""
     seed: int = Field(default=0, ge=0, lt=2**32)
-    """All random numbers come from it and the models' ids."""
+    """All random numbers come from it and the stage; names and order don't matter."""
     preset: Literal["best", "paper"] = "best"
     """`paper` takes the paper's numbers and nothing beyond them; `best` what measured best."""
     weights: Annotated[Path | Literal["shipped"] | None, BeforeValidator(_weights)] = None

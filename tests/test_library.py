@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import torch
 import trimesh
 
 import pnabs
+import pnabs.formats
 from pnabs.formats import FormatError
 from pnabs.geometry.load import InvalidMeshError
 from tests.weights import untrained
@@ -98,3 +100,16 @@ def test_it_works_in_a_thread(weights: Path) -> None:
     command = [sys.executable, "-c", IN_A_THREAD, str(weights)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "1\n"), done.stderr
+
+
+def test_a_name_decides_nothing(weights: Path, tmp_path: Path) -> None:
+    """The same mesh under other names, in other folders, gives the same bytes but the name."""
+    shape = trimesh.creation.capsule(0.4, 0.2, count=(8, 8))
+    texts = []
+    for name in ("upperarm", "ur5/upperarm", "zz/03001627"):
+        path = tmp_path / f"{name}.ply"
+        path.parent.mkdir(exist_ok=True)
+        shape.export(path)
+        made = pnabs.abstract(path, weights=weights, settings=QUICK)
+        texts.append(pnabs.formats.to_json(dataclasses.replace(made, model_id="")))
+    assert len(set(texts)) == 1

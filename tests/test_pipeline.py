@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
+from pnabs import pipeline
 from pnabs.formats import Abstraction, to_json
+from pnabs.geometry.check import faults
 from pnabs.geometry.difference import difference_volume
 from pnabs.geometry.fields import compute_fields
 from pnabs.geometry.types import Cuboids, Mesh
@@ -48,7 +51,7 @@ def finished(
         Abstract(metric_samples=2000, fit=fit, **options),
         category="table",
         model_id="t",
-        rng=np.random.default_rng(1),
+        seed=1,
         provenance={},
     )
 
@@ -142,3 +145,45 @@ def test_levels_are_abstractions_of_their_own(table: Shape) -> None:
         assert level.metrics["iou_64"] < result.metrics["iou_64"] + 1e-9
         assert len(level.origins) == len(level.positives) + len(level.negatives)
     np.testing.assert_array_equal(result.levels[1].transform, result.transform)
+
+
+def test_a_result_outside_the_bounds_is_fitted_again(
+    table: Shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first fit is made to leave the box; the second, held to it, is what counts."""
+    asked: list[bool] = []
+    real = pipeline.fit
+
+    def fit(*arguments: Any, strict: bool, **options: Any) -> Any:
+        asked.append(strict)
+        found = real(*arguments, strict=strict, **options)
+        if strict:
+            return found
+        floating = boxes(([0.1, 0.1, 0.1], [0.0, -0.95, 0.0]))
+        return dataclasses.replace(found, positives=found.positives.joined(floating))
+
+    monkeypatch.setattr(pipeline, "fit", fit)
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    result = finished(table, block, Cuboids.empty(), fit=True)
+    assert asked == [False, True]
+    assert result.metrics["fitted_again"] == 1
+    assert result.check["within_bounds"] is True
+    assert result.metrics["beyond"] < 0.005
+
+
+def test_what_leaves_the_bounds_even_so_fails_its_check_by_name(table: Shape) -> None:
+    """Without a fit nothing can be fitted again."""
+    far = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]), ([0.1, 0.1, 0.1], [0.0, -0.95, 0.0]))
+    result = finished(table, far, Cuboids.empty())
+    assert result.check["ok"] is False
+    assert result.check["closed"] is True
+    assert faults(result.check) == ["leaves the bounding box of its input"]
+    assert result.metrics["beyond"] == pytest.approx(1.0 - table.extent[1] / 2, abs=1e-6)
+    assert result.metrics["volume_iou"] < result.metrics["iou_64"] < 1
+
+
+def test_edited_results_have_no_bounds_to_hold(table: Shape) -> None:
+    block = boxes(([1.0, 0.95, 0.6], [0.0, 0.0, 0.0]))
+    moved = finished(table, block, Cuboids.empty()).edited(positives=block.moved(0, [0, 3, 0]))
+    assert "within_bounds" not in moved.check
+    assert moved.check["ok"] is True

@@ -35,7 +35,7 @@ class Abstraction:
     debris : dict
         threshold, and dropped: area, share and volume of each piece left out.
     metrics : dict
-        What `pnabs.geometry.metrics.measure` finds, and counts.
+        What `pnabs.geometry.measure.measure` finds, and counts.
     check : dict
         The findings of `pnabs.geometry.check.check` on the mesh.
     provenance : dict
@@ -150,7 +150,7 @@ class Abstraction:
             "positives": len(positives),
             "negatives": len(negatives),
             "faces": len(solid.mesh.faces),
-            "pieces": solid.mesh.pieces,
+            "bodies": solid.mesh.pieces,
             "pieces_dropped": len(solid.mesh.dropped),
             "jitter_attempt": solid.recipe.jitter_attempt,
         }

@@ -1,4 +1,4 @@
-"""The final check of a result: closed, two-manifold, without self-intersections.
+"""The final check of a result: closed, two-manifold, within the input's bounds.
 
 METHOD, "Abstraction" step 5.  What is checked is exactly what is written: the vertices
 rounded to float32 (on unrounded ones the test for self-intersections raises false alarms at
@@ -7,17 +7,21 @@ coplanar neighbours).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pnabs.geometry.types import Float32
+from pnabs.geometry.types import Float32, Float64
 
 APART = 1e-8
 """Vertices that no coordinate tells apart by more are one to programs that weld by rounded place.
 Float32 tells them apart near 0, where mirrored boxes meet."""
+
+BEYOND = 0.005
+"""A result may leave the input's bounding box by this share of the longest side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +44,9 @@ class CheckReport:
         Faces without area.
     components : int
         Connected surfaces; a sealed void counts as one.
+    within_bounds : bool or None
+        Whether it leaves the input's bounding box by `BEYOND` at most; None where that box isn't
+        known.
     """
 
     closed: bool
@@ -49,30 +56,65 @@ class CheckReport:
     unreferenced_vertices: int
     degenerate_faces: int
     components: int
+    within_bounds: bool | None = None
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether there is a mesh and nothing is wrong with it, wherever it lies."""
+        return not _unsound(asdict(self))
 
     @property
     def ok(self) -> bool:
-        """Whether there is a mesh and nothing is wrong with it."""
-        faults = (
-            self.self_intersections
-            + self.duplicate_vertices
-            + self.unreferenced_vertices
-            + self.degenerate_faces
-        )
-        return self.closed and self.two_manifold and faults == 0 and self.components > 0
+        """Whether there is a mesh, nothing is wrong with it, and it stays in its bounds."""
+        return not faults(asdict(self))
 
     def as_dict(self) -> dict[str, bool | int]:
-        """All findings, `ok` among them."""
-        return {**asdict(self), "ok": self.ok}
+        """All findings, `ok` among them; what isn't known is left out."""
+        known = {name: value for name, value in asdict(self).items() if value is not None}
+        return {**known, "ok": self.ok}
 
 
-def check(vertices: Float32, faces: NDArray[np.integer]) -> CheckReport:
+def faults(check: Mapping[str, bool | int]) -> list[str]:
+    """What a check found wrong, in words; empty where nothing is.
+
+    Parameters
+    ----------
+    check
+        As `CheckReport.as_dict` gives it, and abstraction.json holds it.
+    """
+    found = _unsound(check)
+    if check.get("within_bounds") is False:
+        found.append("leaves the bounding box of its input")
+    return found
+
+
+def _unsound(check: Mapping[str, bool | int]) -> list[str]:
+    found = []
+    if not check.get("components"):
+        found.append("empty")
+    if not check.get("closed"):
+        found.append("not closed")
+    if not check.get("two_manifold"):
+        found.append("not two-manifold")
+    counted = (
+        *("self_intersections", "duplicate_vertices", "unreferenced_vertices"),
+        "degenerate_faces",
+    )
+    found += [f"{check[name]} {name.replace('_', ' ')}" for name in counted if check.get(name)]
+    return found
+
+
+def check(
+    vertices: Float32, faces: NDArray[np.integer], extent: Float64 | None = None
+) -> CheckReport:
     """Check a mesh as it is written.
 
     Parameters
     ----------
     vertices : (V, 3) float32
     faces : (F, 3) int
+    extent : (3,) float64, optional
+        Sides of the input's bounding box, about the origin.
 
     Returns
     -------
@@ -89,8 +131,11 @@ def check(vertices: Float32, faces: NDArray[np.integer]) -> CheckReport:
         raise ValueError("check needs the vertices as they are written: finite and float32")
     if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
         raise ValueError(f"a face names a vertex outside 0..{len(vertices) - 1}")
+    within = None
+    if extent is not None:
+        within = bool(np.all(np.abs(vertices.astype(np.float64)) <= extent / 2 + BEYOND))
     if not len(faces):
-        return CheckReport(True, True, 0, 0, len(vertices), 0, 0)
+        return CheckReport(True, True, 0, 0, len(vertices), 0, 0, within)
 
     # It takes a second to load and 80 MB; most of the package does without.
     import pymeshlab
@@ -112,4 +157,5 @@ def check(vertices: Float32, faces: NDArray[np.integer]) -> CheckReport:
         unreferenced_vertices=int(topology["unreferenced_vertices"]),
         degenerate_faces=int(np.count_nonzero(area == 0)),
         components=int(topology["connected_components_number"]),
+        within_bounds=within,
     )

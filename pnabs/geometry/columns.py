@@ -23,6 +23,9 @@ LINE_OFFSET = (1.3e-7, 2.9e-7)
 SLACK = 1e-9
 """What rounding can take a line away from where a face's side crosses its row."""
 
+ONE_SIDED = 8
+"""What a vote that its opposite contradicts counts beside itself."""
+
 MAX_HITS = 2**24
 """Hits kept, at most: 25 bytes each.  Faces of a hundred times the shape's own size, laid over
 each other by the thousand, have more; no mesh that somebody modelled comes near."""
@@ -100,6 +103,8 @@ def _longer(array: NDArray[Scalar], space: int) -> NDArray[Scalar]:
 def inside_votes(columns: Columns, signs: Signs) -> NDArray[np.int8]:
     """How many of six half-lines from each cell centre say inside, (G, G, G) int8.
 
+    Plus `ONE_SIDED` for each axis along which just one of its two half-lines does.
+
     Parameters
     ----------
     columns : Columns
@@ -112,7 +117,7 @@ def inside_votes(columns: Columns, signs: Signs) -> NDArray[np.int8]:
 
 
 @kernel
-def _side(vertices: Float64, a: int, b: int, u: int, v: int, pu: float, pv: float) -> float:
+def side_of(vertices: Float64, a: int, b: int, u: int, v: int, pu: float, pv: float) -> float:
     """Twice the signed area of edge and point in the (u, v) plane.
 
     Always evaluated from the lower to the higher vertex index, so that the two faces at an
@@ -125,7 +130,7 @@ def _side(vertices: Float64, a: int, b: int, u: int, v: int, pu: float, pv: floa
 
 
 @kernel
-def _left(value: float, vertices: Float64, a: int, b: int, u: int, v: int) -> bool:
+def left_of(value: float, vertices: Float64, a: int, b: int, u: int, v: int) -> bool:
     """Whether a point lies left of the edge a -> b.
 
     A point on the edge is decided as if it were moved by an infinitesimal step along u and
@@ -190,13 +195,13 @@ def _trace(
                 stop = min(j_high, int(np.floor((high + SLACK - offset_v - first) / step)))
                 for j in range(begin, stop + 1):
                     pv = first + j * step + offset_v
-                    ea = _side(vertices, b, c, u, v, pu, pv)
-                    eb = _side(vertices, c, a, u, v, pu, pv)
-                    ec = _side(vertices, a, b, u, v, pu, pv)
-                    left = _left(ea, vertices, b, c, u, v)
-                    if _left(eb, vertices, c, a, u, v) != left:
+                    ea = side_of(vertices, b, c, u, v, pu, pv)
+                    eb = side_of(vertices, c, a, u, v, pu, pv)
+                    ec = side_of(vertices, a, b, u, v, pu, pv)
+                    left = left_of(ea, vertices, b, c, u, v)
+                    if left_of(eb, vertices, c, a, u, v) != left:
                         continue
-                    if _left(ec, vertices, a, b, u, v) != left:
+                    if left_of(ec, vertices, a, b, u, v) != left:
                         continue
                     total = ea + eb + ec
                     z = (ea * z0 + eb * z1 + ec * z2) / total if total != 0 else z0
@@ -271,6 +276,8 @@ def _vote(
                     said = (below > 0) + (below > whole)
                     if said == 0:
                         continue
+                    if said == 1:
+                        said += ONE_SIDED
                     if axis == 0:
                         votes[k, i, j] += said
                     elif axis == 1:

@@ -6,15 +6,14 @@ boolean of meshes; it is asked once, for the whole expression.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from manifold3d import Error, Manifold, OpType
+from manifold3d import Error, Manifold
 from numpy.typing import NDArray
 
 from pnabs.geometry import cuboid, quaternion
+from pnabs.geometry.manifolds import difference, face_origins, to_arrays, unit_cube
 from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Int64
 
 
@@ -79,28 +78,10 @@ class Boxes:
 
     def solids(self) -> list[Manifold]:
         """Each as a manifold with an id of its own."""
-        unit = _unit_cube()
+        unit = unit_cube()
         matrices = self.axes * self.scale[:, None, :]
         placed = np.concatenate([matrices, self.translation[:, :, None]], axis=2)
         return [unit.transform(matrix).as_original() for matrix in placed]
-
-
-@cache
-def _unit_cube() -> Manifold:
-    """The cube that all boxes are made of; the first call holds manifold3d to one thread.
-
-    It takes as many threads as the process has cores when it is first used, for good.  On
-    meshes this small a second thread mostly spins: a tenth faster, at 1.7 times the CPU time,
-    which the other workers of a batch lack.
-    """
-    if not hasattr(os, "sched_setaffinity"):
-        return Manifold.cube((1.0, 1.0, 1.0), True)
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(cores)})
-    try:
-        return Manifold.cube((1.0, 1.0, 1.0), True)
-    finally:
-        os.sched_setaffinity(0, cores)
 
 
 def croppable(cuboids: Cuboids, min_side: float) -> Bool:
@@ -178,27 +159,14 @@ def crop(
     if result.status() != Error.NoError or result.is_empty():
         return CropResult.nothing()
 
-    mesh = result.to_mesh64()
-    vertices = np.array(mesh.vert_properties[:, :3], dtype=np.float64)
-    faces = np.array(mesh.tri_verts, dtype=np.int64)
-    ends = np.asarray(mesh.run_index, dtype=np.int64) // 3
-    ids = np.repeat(np.asarray(mesh.run_original_id, dtype=np.int64), ends[1:] - ends[:-1])
+    vertices, faces = to_arrays(result)
+    ids = face_origins(result)
     source = np.full(len(faces), -1, dtype=np.int64)
     for solid, index in zip(solids, added.index, strict=True):
         source[ids == solid.original_id()] = index
     cut_faces = source < 0
     source[cut_faces] = _deepest(vertices[faces[cut_faces]].mean(axis=1), positives, added.index)
     return CropResult(vertices, faces, source)
-
-
-def difference(added: list[Manifold], removed: list[Manifold]) -> Manifold:
-    """The union of some solids minus the union of others, not yet evaluated."""
-    result = Manifold.batch_boolean(added, OpType.Add)
-    if not removed:
-        return result
-    return Manifold.batch_boolean(
-        [result, Manifold.batch_boolean(removed, OpType.Add)], OpType.Subtract
-    )
 
 
 def to_float32_mesh(result: CropResult) -> tuple[Float32, NDArray[np.int32]]:

@@ -17,6 +17,7 @@ from pnabs.geometry.off import parse_off
 from pnabs.geometry.orient import prepare
 from pnabs.geometry.ply import parse_ply
 from pnabs.geometry.preview import preview
+from pnabs.geometry.reference import Boundary, make_boundary
 from pnabs.geometry.sampling import sample_interior, sample_surface
 from pnabs.geometry.solid import voxelise_parts
 from pnabs.geometry.stl import parse_stl
@@ -27,7 +28,10 @@ RESOLUTION = 32
 """Grid of the networks' input and of the signed distance field."""
 
 FINE_RESOLUTION = 64
-"""Grid of the finer occupancy, for samples and metrics."""
+"""Grid of the finer occupancy, for samples, the fit and the paper's metrics."""
+
+FINEST_RESOLUTION = 128
+"""Grid that no box was fitted to, for metrics."""
 
 
 _EVERY_KERNEL = b"""\
@@ -71,6 +75,7 @@ class Fields:
     ----------
     occupancy : (32, 32, 32) bool
     occupancy_64 : (64, 64, 64) bool
+    occupancy_128 : (128, 128, 128) bool
     sdf : (32, 32, 32) float32
         Negative exactly where `occupancy` is set.
     surface : (P, 6) float32
@@ -83,16 +88,23 @@ class Fields:
         Axis of the mirror symmetry, 0 x, 1 y, 2 z, -1 none.
     preview : (Fp, 3, 3) float16
         Corners of a decimated mesh's triangles.
+    extent : (3,) float64
+        Sides of the bounding box, whose centre is the origin.
+    boundary : Boundary
+        What exact volumes and distances are measured against.
     """
 
     occupancy: Bool
     occupancy_64: Bool
+    occupancy_128: Bool
     sdf: Float32
     surface: Float32
     interior: Float32
     transform: Float64
     mirror: int
     preview: NDArray[np.float16]
+    extent: Float64
+    boundary: Boundary
 
 
 def compute_fields(mesh: Mesh, settings: Ingest, layout: str, rng: np.random.Generator) -> Fields:
@@ -117,16 +129,26 @@ def compute_fields(mesh: Mesh, settings: Ingest, layout: str, rng: np.random.Gen
     prepared = prepare(normalised, settings.solid.open)
     coarse = voxelise_parts(prepared, RESOLUTION)
     fine = voxelise_parts(prepared, FINE_RESOLUTION)
+    finest = voxelise_parts(prepared, FINEST_RESOLUTION)
     occupancy, occupancy_64 = coarse.occupancy, fine.occupancy
     return Fields(
         occupancy=occupancy,
         occupancy_64=occupancy_64,
+        occupancy_128=finest.occupancy,
         sdf=signed_distance(prepared, RESOLUTION, coarse),
         surface=sample_surface(prepared, settings.surface_points, rng, fine.core),
         interior=sample_interior(occupancy_64, settings.interior_points, rng),
         transform=transform,
         mirror=detect_mirror(occupancy, settings.solid, layout),
         preview=preview(normalised, settings.preview_faces).triangles.astype(np.float16),
+        extent=np.ptp(normalised.vertices, axis=0),
+        boundary=make_boundary(
+            normalised,
+            prepared,
+            finest.core,
+            limit=settings.limits.exact_faces,
+            thickness=settings.solid.sheet,
+        ),
     )
 
 

@@ -1,23 +1,17 @@
-"""What an abstraction is measured by (METHOD, metrics; section 4.3 of the paper).
+"""The paper's measures: agreement on grids and Chamfer distances (section 4.3; METHOD, metrics).
 
 Lengths are in the normalised frame (longest side 1), Chamfer distances times 1000.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import igl
 import numpy as np
+from scipy import ndimage
 from scipy.spatial import ConvexHull, cKDTree
 
-from pnabs import settings
 from pnabs.geometry import cuboid
 from pnabs.geometry.crop import croppable
-from pnabs.geometry.inside import inside_grid
-from pnabs.geometry.kernel import compiling
-from pnabs.geometry.sampling import draw_on_triangles
-from pnabs.geometry.solidify import SolidMesh, SolidResult, make_solid, solidify
 from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, Int64
 
 _EQUAL_AREA_RADIUS = 1 / np.sqrt(np.log(2))
@@ -25,9 +19,16 @@ _EQUAL_AREA_RADIUS = 1 / np.sqrt(np.log(2))
 the median distance to the nearest neighbour (a Poisson process in the plane)."""
 
 
-def iou(a: Bool, b: Bool) -> float:
-    """Intersection over union of two occupancies; 0 where both are empty."""
-    union = np.count_nonzero(a | b)
+def iou(a: Bool, b: Bool, *, beyond: float = 0.0) -> float:
+    """Intersection over union of two occupancies; 0 where both are empty.
+
+    Parameters
+    ----------
+    a, b : (G, G, G) bool
+    beyond : float
+        Cells of either outside the grid, for the union.
+    """
+    union = np.count_nonzero(a | b) + beyond
     return float(np.count_nonzero(a & b) / union) if union else 0.0
 
 
@@ -128,14 +129,15 @@ class OriginalSurface:
 
 
 def surface_distances(
-    original: OriginalSurface, mesh: SolidMesh, samples: Float64
+    original: OriginalSurface, vertices: Float64, faces: Int64, samples: Float64
 ) -> tuple[float, float, float]:
     """Chamfer distances between a shape and a result.
 
     Parameters
     ----------
     original : OriginalSurface
-    mesh : SolidMesh
+    vertices : (V, 3) float64
+    faces : (F, 3) int64
         The result.
     samples : (Q, 3) float64
         Points uniform on the result's surface.
@@ -147,14 +149,12 @@ def surface_distances(
         mean distances from samples to the other surface, exact towards the result and by
         `OriginalSurface.to_surface` towards the shape.  Times 1000; NaN for an empty result.
     """
-    if mesh.is_empty:
+    if not len(faces):
         return float("nan"), float("nan"), float("nan")
     there, index = _nearest(original.tree, samples)
     back, _ = _nearest(_tree(samples), original.points)
     towards_shape = original.to_surface(samples, there, index)
-    squared, _, _ = igl.point_mesh_squared_distance(
-        original.points, mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)
-    )
+    squared, _, _ = igl.point_mesh_squared_distance(original.points, vertices, faces)
     towards_result = np.sqrt(squared)
     return *_chamfer(there, back), float(500 * (towards_shape.mean() + towards_result.mean()))
 
@@ -189,6 +189,11 @@ def hull_occupancy(occupancy: Bool) -> Bool:
     return np.asarray(height & within[..., None])
 
 
+def connected_pieces(occupancy: Bool) -> int:
+    """Pieces of a solid on a grid (G, G, G), joined over faces, edges and corners of cells."""
+    return int(ndimage.label(occupancy, np.ones((3, 3, 3), dtype=bool))[1])
+
+
 def open_space(occupancy: Bool, prediction: Bool, hull: Bool | None = None) -> float:
     """The share of the space in the shape's convex hull and outside the shape left open.
 
@@ -209,94 +214,3 @@ def open_space(occupancy: Bool, prediction: Bool, hull: Bool | None = None) -> f
     space = (hull_occupancy(occupancy) if hull is None else hull) & ~occupancy
     total = np.count_nonzero(space)
     return float(np.count_nonzero(space & ~prediction) / total) if total else 1.0
-
-
-def measure(
-    positives: Cuboids,
-    negatives: Cuboids,
-    solid: SolidResult,
-    *,
-    occupancy: Bool,
-    occupancy_64: Bool,
-    surface: Float32,
-    options: settings.Abstract,
-    rng: np.random.Generator,
-) -> dict[str, float | int]:
-    """All metrics of one abstraction.
-
-    Parameters
-    ----------
-    positives, negatives : Cuboids
-        As they were cropped.
-    solid : SolidResult
-        What `pnabs.geometry.solidify.solidify` made of them.
-    occupancy : (32, 32, 32) bool
-    occupancy_64 : (64, 64, 64) bool
-    surface : (P, 6) float32
-        The shape, as ingest keeps it.
-    options : settings.Abstract
-    rng : numpy.random.Generator
-        Two numbers are drawn.
-
-    Returns
-    -------
-    dict
-        iou_32, iou_64, iou_mesh_64, cd_l1, cd_l2, cd_surface, open_space, faces, pieces; the
-        same with the suffix `_positives`, where it applies, for the positives alone; and
-        cd_l1_floor, cd_l2_floor, the distance between two samplings of the result.  All
-        Chamfer distances of an empty result are NaN.
-    """
-    seeds = rng.integers(2**32, size=2)
-    original = OriginalSurface(surface)
-    hull = hull_occupancy(occupancy_64)
-    alone = make_solid(positives, Cuboids.empty(), replace(solid.recipe, jitter_attempt=0))
-    found: dict[str, float | int] = {}
-    for suffix, mesh, cutters in (
-        ("", solid.mesh, negatives),
-        ("_positives", alone, Cuboids.empty()),
-    ):
-        for resolution, reference in ((32, occupancy), (64, occupancy_64)):
-            prediction = predicted_occupancy(positives, cutters, resolution, options.min_side)
-            found[f"iou_{resolution}{suffix}"] = iou(prediction, reference)
-        found[f"open_space{suffix}"] = open_space(occupancy_64, prediction, hull)
-        # The same seed for both: without negatives both have the same figures.
-        samples = _sample(mesh, options.metric_samples, seeds[0])
-        distances = surface_distances(original, mesh, samples)
-        for name, value in zip(("cd_l1", "cd_l2", "cd_surface"), distances, strict=True):
-            found[f"{name}{suffix}"] = value
-
-    found["iou_mesh_64"] = iou(inside_grid(solid.mesh.triangles, 64), occupancy_64)
-    again = [_sample(solid.mesh, options.metric_samples, seed) for seed in seeds]
-    found["cd_l1_floor"], found["cd_l2_floor"] = chamfer(*again)
-    found["faces"] = len(solid.mesh.faces)
-    found["pieces"] = solid.mesh.pieces
-    return found
-
-
-def _sample(mesh: SolidMesh, n: int, seed: int) -> Float64:
-    if mesh.is_empty:
-        return np.zeros((0, 3))
-    return draw_on_triangles(mesh.triangles, n, np.random.default_rng(seed))[0]
-
-
-def warm_up() -> None:
-    """Load what the post-process, the check and the metrics need: kernels and libraries.
-
-    Call it once before processes are forked, so that each doesn't load for itself.
-    """
-    with compiling():
-        box = Cuboids.from_vector(np.array([[0.5, 0.5, 0.5, 1, 0, 0, 0, 0, 0, 0]]))
-        rng = np.random.default_rng(0)
-        samples = cuboid.sample_surface(box, 8, rng)[0]
-        options = settings.Abstract(metric_samples=8)
-        solid = solidify(box, Cuboids.empty(), options, rng)
-        measure(
-            box,
-            Cuboids.empty(),
-            solid,
-            occupancy=cuboid.voxelise(box, 32, raise_thin=True),
-            occupancy_64=cuboid.voxelise(box, 64, raise_thin=True),
-            surface=samples,
-            options=options,
-            rng=rng,
-        )

@@ -117,17 +117,41 @@ def _sides(points: Float64, normals: Float64, core: Bool) -> tuple[Bool, Bool]:
     Looked up half a cell away, and a whole cell where that doesn't tell the sides apart.
     """
     cell = GRID_SIDE / len(core)
-    upper = _lookup(points + 0.5 * cell * normals, core)
-    lower = _lookup(points - 0.5 * cell * normals, core)
+    upper = lookup(points + 0.5 * cell * normals, core)
+    lower = lookup(points - 0.5 * cell * normals, core)
     same = np.flatnonzero(upper == lower)
     further = cell * normals[same]
-    upper[same] = _lookup(points[same] + further, core)
-    lower[same] = _lookup(points[same] - further, core)
+    upper[same] = lookup(points[same] + further, core)
+    lower[same] = lookup(points[same] - further, core)
     return upper, lower
 
 
-def _lookup(points: Float64, core: Bool) -> Bool:
-    """The grid's value at points, (n,) bool."""
-    cell = GRID_SIDE / len(core)
-    index = np.floor((points + GRID_SIDE / 2) / cell).astype(np.int64).clip(0, len(core) - 1)
-    return np.asarray(core[index[:, 0], index[:, 1], index[:, 2]])
+def has_core_beside(triangles: Float64, normals: Float64, core: Bool) -> Bool:
+    """Whether solid lies on either side of the middle of each triangle, (F,) bool.
+
+    Parameters
+    ----------
+    triangles : (F, 3, 3) float64
+    normals : (F, 3) float64
+    core : (G, G, G) bool
+    """
+    upper, lower = _sides(triangles.mean(axis=1), normals, core)
+    return np.asarray(upper | lower)
+
+
+def lookup(points: Float64, cells: Bool) -> Bool:
+    """A grid's values at points, (P,) bool; beyond the grid those of the nearest cell."""
+    cell = GRID_SIDE / len(cells)
+    index = np.floor((points + GRID_SIDE / 2) / cell).astype(np.int64).clip(0, len(cells) - 1)
+    return np.asarray(cells[index[:, 0], index[:, 1], index[:, 2]])
+
+
+def near_to(points: Float64, cells: Bool) -> Bool:
+    """Whether a point's own cell or one of its 26 neighbours is set, (P,) bool."""
+    side = len(cells)
+    index = np.floor((points + GRID_SIDE / 2) * (side / GRID_SIDE)).astype(np.int64)
+    index = index.clip(1, side - 2)
+    first = (index[:, 0] * side + index[:, 1]) * side + index[:, 2]
+    offset = np.arange(-1, 2)
+    around = ((offset[:, None, None] * side + offset[:, None]) * side + offset).reshape(-1)
+    return np.asarray(cells.reshape(-1)[first[:, None] + around].any(axis=1))

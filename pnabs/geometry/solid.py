@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
-from pnabs.geometry.columns import inside_votes, trace
+from pnabs.geometry.columns import ONE_SIDED, inside_votes, trace
 from pnabs.geometry.orient import OrientedMesh
 from pnabs.geometry.shell import surface_cells
 from pnabs.geometry.types import Bool
@@ -56,15 +57,24 @@ def voxelise_parts(prepared: OrientedMesh, resolution: int) -> Voxels:
         Cells along a side of the grid, G.
     """
     signs = np.ones(len(prepared.mesh.faces), dtype=np.int8)
-    core = inside_votes(trace(prepared.mesh, resolution), signs) >= MIN_VOTES
+    core = are_inside(inside_votes(trace(prepared.mesh, resolution), signs))
     surface = surface_cells(prepared.mesh, resolution)
     if prepared.open == "shell":
         core &= ~_outside(surface)
-    thin = surface & ~_widened(core)
+    thin = surface & ~widened(core)
     return Voxels(core, thin)
 
 
-def _widened(cells: Bool) -> Bool:
+def are_inside(votes: NDArray[np.int8]) -> Bool:
+    """Whether enough half-rays say inside, and not just one along each axis.
+
+    Those three are what a point behind a lone slanted sheet gets, however far away it is.
+    """
+    one_sided, said = np.divmod(votes, ONE_SIDED)
+    return np.asarray((said >= MIN_VOTES) & ~((said == 3) & (one_sided == 3)))
+
+
+def widened(cells: Bool) -> Bool:
     """Cells and their 26 neighbours, axis by axis: much faster than a general dilation."""
     wide = cells
     for axis in range(3):

@@ -122,6 +122,7 @@ def solidify(
     negatives: Cuboids,
     options: settings.Abstract,
     rng: np.random.Generator,
+    extent: Float64 | None = None,
 ) -> SolidResult:
     """The checked mesh of an abstraction.
 
@@ -135,6 +136,8 @@ def solidify(
     options : settings.Abstract
     rng : numpy.random.Generator
         Gives the seed of the changes; one number is drawn, whether it is needed or not.
+    extent : (3,) float64, optional
+        Sides of the input's bounding box, which the check holds the result against.
 
     Returns
     -------
@@ -143,14 +146,17 @@ def solidify(
     """
     seed = int(rng.integers(2**32))
     recipe = CropRecipe(options.min_side, options.jitter, seed, 0, options.debris)
-    return make_checked(positives, negatives, recipe)
+    return make_checked(positives, negatives, recipe, extent)
 
 
-def make_checked(positives: Cuboids, negatives: Cuboids, recipe: CropRecipe) -> SolidResult:
+def make_checked(
+    positives: Cuboids, negatives: Cuboids, recipe: CropRecipe, extent: Float64 | None = None
+) -> SolidResult:
     """`solidify` by a recipe; its `jitter_attempt` is the first."""
     while True:
         mesh = make_solid(positives, negatives, recipe)
-        report = check(mesh.vertices, mesh.faces)
-        if report.ok or mesh.is_empty or recipe.jitter_attempt == MAX_JITTER_ATTEMPTS:
+        report = check(mesh.vertices, mesh.faces, extent)
+        # No random change brings a box back that lies where it shouldn't.
+        if report.is_sound or mesh.is_empty or recipe.jitter_attempt == MAX_JITTER_ATTEMPTS:
             return SolidResult(mesh, report, recipe)
         recipe = replace(recipe, jitter_attempt=recipe.jitter_attempt + 1)

@@ -36,9 +36,12 @@ def weld(mesh: Mesh) -> Mesh:
 def _join(vertices: Float64) -> tuple[Float64, Int64]:
     """One vertex for each occupied cell of a fine lattice, and each vertex' new index."""
     lattice = np.rint((vertices + 1.0) / WELD_TOLERANCE).astype(np.int64)
-    key = (lattice[:, 0] << 42) | (lattice[:, 1] << 21) | lattice[:, 2]
-    _, first, index = np.unique(key, return_index=True, return_inverse=True)
-    return np.ascontiguousarray(vertices[first]), index
+    if lattice.min(initial=0) >= 0 and lattice.max(initial=0) < 1 << 21:
+        key = (lattice[:, 0] << 42) | (lattice[:, 1] << 21) | lattice[:, 2]
+        _, first, index = np.unique(key, return_index=True, return_inverse=True)
+    else:  # a result may reach far beyond its shape
+        _, first, index = np.unique(lattice, axis=0, return_index=True, return_inverse=True)
+    return np.ascontiguousarray(vertices[first]), index.reshape(-1)
 
 
 def _degenerate(vertices: Float64, faces: Int64) -> Bool:

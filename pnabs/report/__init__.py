@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .choice import pictured
 from .compare import build_tables
 from .data import GalleryItem, Quarantined, ReportData, StageTiming, empty_mesh
 from .page import render_page, write_page
@@ -18,6 +19,7 @@ __all__ = [
     "View",
     "build_tables",
     "empty_mesh",
+    "pictured",
     "render_page",
     "render_text",
     "write_page",

@@ -261,98 +261,46 @@ def _epochs_chart(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Strip:
-    """IoUs of a category's n models, per cent: cropped and positives only, (n,) float64 each."""
+    """Shares of a category's models, per cent, (n,) float64."""
 
     label: str
-    cropped: Float64
-    positives: Float64
+    values: Float64
 
 
-def strip_chart(strips: Sequence[Strip], axis: str) -> Markup:
-    """Every model's IoU as a tick, by category: positives only above, with negatives below.
+def strip_chart(title: str, axis: str, strips: Sequence[Strip]) -> Markup:
+    """Every model as a tick on an axis from 0 to 100 %, by category; a large mark is the mean.
 
-    Large marks are the means.  The strips of a category share a row.
+    Parameters
+    ----------
+    title, axis : str
+        Which models, and what of them.
+    strips : sequence of Strip
+        One a row.
     """
-    if not strips:
-        return _svg(560, 60, axis, [_text(280, 34, "no models", "middle", "muted")])
-    widest = max(len(plain(s.label)) for s in strips)
-    left, right, row, top = min(170.0, 20.0 + 6.6 * widest), 18.0, 34.0, 26.0
+    widest = max((len(plain(s.label)) for s in strips), default=0)
+    left, right, row, top = min(170.0, 20.0 + 6.6 * widest), 18.0, 24.0, 34.0
     width, height = 560.0, top + row * len(strips) + 40.0
 
     def at(value: Float64 | float) -> Float64:
         return left + (width - left - right) * np.asarray(value) / 100
 
-    parts: list[Markup] = []
+    parts = [_text(left, 15, title, style="title")]
     for tick in range(0, 101, 20):
         x = float(at(tick))
         parts += [_line(x, top - 6, x, height - 34), _text(x, height - 20, str(tick), "middle")]
     parts.append(_text(float(at(50)), height - 4, axis, "middle", "muted"))
-    for x, style, name in (
-        (left, "before", "positives only"),
-        (left + 118, "after", "positives and negatives"),
-    ):
-        parts.append(_circle(f"mean {style}", x + 4, 10, 4))
-        parts.append(_text(x + 14, 13.5, name))
     for i, strip in enumerate(strips):
-        y = top + row * i
+        middle = top + row * (i + 0.5)
         parts.append(
-            _text(left - 10, y + row / 2 + 3.5, _shorten(plain(strip.label), 24), "end", "label")
+            _text(left - 10, middle + 3.5, _shorten(plain(strip.label), 24), "end", "label")
         )
-        for values, offset, style in (
-            (strip.positives, 4.0, "before"),
-            (strip.cropped, 18.0, "after"),
-        ):
-            if not len(values):
-                continue
-            ticks = np.unique(np.round(at(values) * 2) / 2)
-            path = "".join(f"M{x:g} {y + offset:g}v11" for x in ticks)
-            parts.append(Markup('<path class="ticks {}" d="{}"/>').format(style, path))
-            parts.append(_circle(f"mean {style}", float(at(values.mean())), y + offset + 5.5, 4))
-    return _svg(width, height, axis, parts)
-
-
-def gain_chart(cropped: Float64, positives: Float64, measure: str) -> Markup:
-    """What negatives change, model by model: positives only across, with negatives up.
-
-    Parameters
-    ----------
-    cropped, positives : (n,) float64
-        Per cent.
-    measure : str
-        Name of the figure, for the axes.
-    """
-    size, left, top, right = 400.0, 46.0, 10.0, 10.0
-    span = size - left - right
-
-    def at_x(value: Float64 | float) -> Float64:
-        return left + span * np.asarray(value) / 100
-
-    def at_y(value: Float64 | float) -> Float64:
-        return top + span * (1 - np.asarray(value) / 100)
-
-    parts: list[Markup] = []
-    for tick in range(0, 101, 20):
-        x, y = float(at_x(tick)), float(at_y(tick))
-        parts += [_line(x, top, x, top + span), _line(left, y, left + span, y)]
-        parts += [
-            _text(x, top + span + 15, str(tick), "middle"),
-            _text(left - 6, y + 3.5, str(tick), "end"),
-        ]
-    parts.append(_line(left, top + span, left + span, top, "axis"))
-    parts.append(_text(left + span / 2, size - 8, f"{measure}, positives only", "middle", "muted"))
-    parts.append(_upright(top + span / 2, f"{measure}, positives and negatives"))
-    change = np.asarray(cropped) - np.asarray(positives)
-    worse, better = change < -0.05, change > 0.05
-    pixels = np.round(np.stack([at_x(positives), at_y(cropped)], axis=-1))
-    for style, chosen in (("loss", worse), ("same", ~worse & ~better), ("gain", better)):
-        spots = np.unique(pixels[chosen], axis=0)
-        path = "".join(f"M{px:g} {py:g}h0" for px, py in spots)
-        parts.append(Markup('<path class="spots {}" d="{}"/>').format(style, path))
-    parts.append(_text(left + 8, top + 16, f"{int(better.sum())} better", style="label gain"))
-    parts.append(
-        _text(left + span - 8, top + span - 8, f"{int(worse.sum())} worse", "end", "label loss")
-    )
-    return _svg(size, size - 4, f"{measure} with and without negatives", parts)
+        if not len(strip.values):
+            continue
+        ticks = np.unique(np.round(at(strip.values) * 2) / 2)
+        path = "".join(f"M{x:g} {middle - 7:g}v14" for x in ticks)
+        parts.append(Markup('<path class="ticks" d="{}"/>').format(path))
+        parts.append(_circle("mean", float(at(strip.values.mean())), middle, 4.5))
+    return _svg(width, height, f"{title}: {axis}", parts)
 
 
 def _shorten(text: str, most: int) -> str:

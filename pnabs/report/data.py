@@ -35,6 +35,9 @@ class GalleryItem:
     positives_part : (F,) int64, optional
         Index of the positive each face of `positives` belongs to, in the numbering of
         `result_source`; connected pieces in order when left out.
+    check : mapping, optional
+        Findings of `pnabs.geometry.check` on the written mesh, as abstraction.json holds them, so
+        that the caption can name what failed.
     """
 
     category: str
@@ -46,11 +49,12 @@ class GalleryItem:
     row: Mapping[str, object]
     result_source: Int64 | None = None
     positives_part: Int64 | None = None
+    check: Mapping[str, bool | int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Quarantined:
-    """A model that fell out of a stage: kind is invalid, error, crash, timeout or memory."""
+    """A model that failed in a stage: kind is invalid, error, crash, timeout or memory."""
 
     stage: str
     category: str
@@ -95,6 +99,8 @@ class ReportData:
     split : str
         Models the tables cover: a split's name, or `all`.
     seed : int
+    without_negatives : sequence of str
+        Variants that are fitted without negatives, to which others may be compared.
     curves : mapping of (variant, phase) to records
         Each record is one epoch: `epoch`, and the losses by name; `total` is drawn bold.
     gallery : sequence of GalleryItem
@@ -112,6 +118,7 @@ class ReportData:
     names: Mapping[str, str]
     split: str
     seed: int
+    without_negatives: Sequence[str] = ()
     curves: Mapping[tuple[str, str], Sequence[Mapping[str, float]]] = field(default_factory=dict)
     gallery: Sequence[GalleryItem] = ()
     quarantine: Sequence[Quarantined] = ()
@@ -121,6 +128,13 @@ class ReportData:
     fingerprint: str = ""
     command: str = ""
     view: View = field(default_factory=View)
+
+
+def number(row: Mapping[str, object], key: str) -> float | None:
+    """A figure of a model's row; None where there is none, or it isn't finite."""
+    value = row.get(key)
+    known = isinstance(value, (int, float, np.generic)) and np.isfinite(value)
+    return float(value) if known else None  # type: ignore[arg-type]
 
 
 def empty_mesh() -> Mesh:

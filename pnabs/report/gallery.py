@@ -1,4 +1,4 @@
-"""The gallery: a model's four pictures, and what became of its negatives."""
+"""The gallery: a model's four pictures, how well they agree, and what became of its negatives."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
+from pnabs.geometry.check import BEYOND, faults
 
-from .data import GalleryItem, ReportData
+from .data import GalleryItem, ReportData, number
+from .measures import REASONS
 from .pictures import (
     NEUTRAL,
     PALE,
@@ -22,20 +23,42 @@ from .pictures import (
     render,
     rgb,
 )
-from .text import DASH, MINUS, plain
+from .text import DASH, plain
 
 PICTURE = 340
 """Pixels a side of a gallery picture, shown at about 220 so that dense screens stay sharp."""
 
+SOUND = "closed, two-manifold, within bounds"
+"""What a mesh is with which nothing is wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A gallery model: caption, chips (text, style) and pictures (caption, data URI)."""
+    """A gallery model.
+
+    Attributes
+    ----------
+    model_id : str
+    headline : tuple of (value, name)
+        Exact volume IoU of a closed model, IoU at 128^3 and coverage of another.
+    lines : tuple of str
+        How far result and shape are from each other, and why the model isn't closed.
+    verdict : str
+        What the check of the mesh found.
+    sound : bool
+        Whether it found nothing wrong.
+    chips : tuple of (text, style)
+        What became of the networks' negatives.
+    facts : str
+        Numbers of boxes, pieces and faces.
+    pictures : tuple of (caption, data URI)
+    """
 
     model_id: str
-    iou: str
-    change: str
-    change_style: str
+    headline: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...]
+    verdict: str
+    sound: bool
     chips: tuple[tuple[str, str], ...]
     facts: str
     pictures: tuple[tuple[str, str], ...]
@@ -72,14 +95,62 @@ def picture_row(item: GalleryItem, view: View, size: int = PICTURE) -> list[tupl
 
 def _card(item: GalleryItem, view: View) -> Card:
     row = item.row
-    before, after = _number(row, "iou_64_positives"), _number(row, "iou_64")
-    change, style = "", ""
-    if before is not None and after is not None:
-        change = f"{100 * (after - before):+.1f} on {100 * before:.1f} % without negatives".replace(
-            "-", MINUS
-        )
-        style = "gain" if after > before + 5e-4 else "loss" if after < before - 5e-4 else "same"
-    chips = [(f"{_count(row, 'negatives_predicted')} predicted", "")]
+    verdict = _verdict(row, item.check)
+    return Card(
+        plain(item.model_id),
+        _headline(row),
+        _distances(row),
+        verdict,
+        verdict == SOUND,
+        _fates(row),
+        _facts(row),
+        tuple(
+            (caption, "data:image/webp;base64," + base64.b64encode(content).decode("ascii"))
+            for caption, content in picture_row(item, view)
+        ),
+    )
+
+
+def _percent(row: Mapping[str, object], key: str) -> str:
+    value = number(row, key)
+    return DASH if value is None else f"{100 * value:.1f} %"
+
+
+def _headline(row: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
+    """Exact where there is an exact solid, else what a grid and the outer surface tell."""
+    if row.get("not_exact") == "":
+        return ((_percent(row, "volume_iou"), "exact volume IoU"),)
+    return (
+        (_percent(row, "iou_128"), "IoU at 128³"),
+        (_percent(row, "coverage"), "coverage"),
+    )
+
+
+def _distances(row: Mapping[str, object]) -> tuple[str, ...]:
+    lines = [f"out {_percent(row, 'out_99')}, miss {_percent(row, 'miss_99')}"]
+    reason = row.get("not_exact")
+    if reason:
+        lines.append(f"original {REASONS.get(str(reason), plain(str(reason)))}")
+    return tuple(lines)
+
+
+def _verdict(row: Mapping[str, object], check: Mapping[str, bool | int] | None) -> str:
+    """What the check of the mesh means, or what failed by name; empty where it wasn't checked."""
+    ok, beyond = number(row, "check_ok"), number(row, "beyond")
+    found = faults(check) if check is not None else []
+    if not found and beyond is not None and beyond > BEYOND:
+        found = [f"leaves the bounding box of its input by {100 * beyond:.1f} %"]
+    if found or ok is None:
+        return ", ".join(found)
+    return SOUND if ok else "failed its check"
+
+
+def _fates(row: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
+    """What became of the networks' negatives; nothing where there were no networks."""
+    predicted = number(row, "negatives_predicted")
+    if predicted is None:
+        return ()
+    chips = [(f"{predicted:.0f} predicted", "")]
     chips += [
         (f"{value:.0f} {label}", "out")
         for key, label in (
@@ -89,35 +160,35 @@ def _card(item: GalleryItem, view: View) -> Card:
             ("discarded_idle", "idle"),
             ("suppressed", "suppressed"),
         )
-        if (value := _number(row, key))
+        if (value := number(row, key))
     ]
     chips.append((f"{_count(row, 'negatives_kept')} kept", "kept"))
-    if _number(row, "axis_aligned") is not None:
+    if number(row, "axis_aligned") is not None:
         chips.append((f"{_count(row, 'negatives')} after the fit", "kept"))
-    fitted = [f"{value:.0f} {key}" for key in ("shrunk", "grown") if (value := _number(row, key))]
-    facts = [f"{_count(row, 'positives')} positives", *fitted, f"{_count(row, 'faces')} faces"]
-    pieces, dropped, check = (_number(row, key) for key in ("pieces", "pieces_dropped", "check_ok"))
-    if pieces is not None:
-        facts.append(f"{pieces:.0f} {'piece' if pieces == 1 else 'pieces'}")
-    if dropped:
-        facts.append(f"{dropped:.0f} dropped")
-    if check is not None:
-        facts.append("check passed" if check else "check failed")
-    pictures = tuple(
-        (caption, "data:image/webp;base64," + base64.b64encode(content).decode("ascii"))
-        for caption, content in picture_row(item, view)
-    )
-    iou = DASH if after is None else f"{100 * after:.1f} %"
-    return Card(plain(item.model_id), iou, change, style, tuple(chips), ", ".join(facts), pictures)
+    return tuple(chips)
 
 
-def _number(row: Mapping[str, object], key: str) -> float | None:
-    value = row.get(key)
-    return (
-        float(value) if isinstance(value, (int, float, np.generic)) and np.isfinite(value) else None
-    )
+def _facts(row: Mapping[str, object]) -> str:
+    facts = [
+        f"{value:.0f} {name}"
+        for key, name in (("positives", "positives"), ("negatives", "negatives"))
+        if (value := number(row, key)) is not None
+    ]
+    shape, result = number(row, "shape_pieces"), number(row, "result_pieces")
+    if shape is not None and result is not None:
+        facts.append(f"connected pieces: {shape:.0f} of the shape, {result:.0f} of the result")
+    facts += [
+        f"{value:.0f} {one if value == 1 else many}"
+        for key, one, many in (
+            ("bodies", "body", "bodies"),
+            ("faces", "face", "faces"),
+            ("pieces_dropped", "piece dropped", "pieces dropped"),
+        )
+        if (value := number(row, key))
+    ]
+    return ", ".join(facts)
 
 
 def _count(row: Mapping[str, object], key: str) -> str:
-    value = _number(row, key)
+    value = number(row, key)
     return DASH if value is None else f"{value:.0f}"

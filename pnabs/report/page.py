@@ -14,6 +14,7 @@ from markupsafe import Markup
 from . import gallery, view
 from .data import ReportData
 from .pictures import NEGATIVE
+from .tables import COMPARISON, MIN_MODELS
 from .text import plain
 
 
@@ -40,13 +41,15 @@ def render_page(data: ReportData) -> str:
         split=plain(data.split),
         variants=[plain(name) for name in data.tables.variants],
         figures=view.headline(data),
-        side_by_side=view.grids(data.tables, ["variants/"]),
-        iou=view.grids(data.tables, ["iou"]),
-        distances=view.grids(data.tables, ["cd"]),
-        space=view.grids(data.tables, ["open_space"]),
-        counts=view.grids(data.tables, ["counts"]),
+        side_by_side=view.grids(data.tables, COMPARISON),
+        without_negatives=[
+            plain(name) for name in data.without_negatives if name != data.tables.variants[0]
+        ],
+        sections=view.sections(data.tables),
+        counts=view.grids(data.tables, "counts"),
         resamples=data.tables.resamples,
-        charts=view.iou_charts(data),
+        least=MIN_MODELS,
+        charts=view.model_charts(data),
         gallery=gallery.cards_by_category(data),
         losses=view.loss_charts(data),
         failure_chips=chips,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from rich.cells import cell_len
 
-from .tables import Row, Table, Tables
+if TYPE_CHECKING:
+    from .tables import Interval, Row, Table, Tables
 
 _GAP = "  "
 
@@ -34,11 +36,11 @@ def cell(value: float | None, row: Row, missing: str = "-") -> str:
     return text if text.strip("+-0.") else text.lstrip("+-")
 
 
-def interval(row: Row) -> str:
-    """The interval of a row's summary, or nothing."""
-    if row.interval is None:
+def interval(span: Interval | None, row: Row) -> str:
+    """An interval with its row's decimals, or nothing."""
+    if span is None:
         return ""
-    low, high = (cell(value, row) for value in row.interval)
+    low, high = (cell(value, row) for value in span)
     return f"{low} to {high}"
 
 
@@ -52,7 +54,8 @@ def render_text(tables: Tables, width: int = 100) -> str:
     """All tables as text, at most `width` cells wide where names allow.
 
     Columns are categories under their aliases; a table that doesn't fit goes on in further
-    blocks, each with the row labels.  The summary and its interval close the last block.
+    blocks, each with the row labels.  The totals close the last block, the first with its
+    interval.
 
     Parameters
     ----------
@@ -70,21 +73,20 @@ def _render(table: Table, width: int) -> str:
         [plain(column.label), *(cell(row.values[j], row) for row in table.rows)]
         for j, column in enumerate(table.columns)
     ]
-    columns.append([table.summary_label, *(cell(row.summary, row) for row in table.rows)])
-    if any(row.interval for row in table.rows):
-        columns.append(["95 % interval", *(interval(row) for row in table.rows)])
+    for i, total in enumerate(table.totals):
+        columns.append([total.label, *map(cell, total.values, table.rows)])
+        if not i and any(total.intervals):
+            columns.append(["95 % interval", *map(interval, total.intervals, table.rows)])
     labels = ["", *(plain(row.label) for row in table.rows)]
-    if table.name.partition("/")[0] != "counts":
+    if table.better is not None:
         labels.insert(1, "models")
         sizes = [str(column.models) for column in table.columns]
         for j, column_cells in enumerate(columns):
             column_cells.insert(1, sizes[j] if j < len(sizes) else "")
 
-    lines = [heading(table)]
-    for block in _blocks(labels, columns, width):
-        if len(lines) > 1:
-            lines.append("")
-        lines += block
+    lines = textwrap.wrap(heading(table), max(20, width))
+    for i, block in enumerate(_blocks(labels, columns, width)):
+        lines += ([""] if i else []) + block
     for note in table.notes:
         lines += textwrap.wrap(
             plain(note), max(20, width - 2), initial_indent="  ", subsequent_indent="  "

@@ -9,14 +9,25 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from .charts import VALIDATION, Strip, gain_chart, loss_chart, strip_chart, validation_chart
+from .charts import VALIDATION, Strip, loss_chart, strip_chart, validation_chart
 from .data import Quarantined, ReportData, StageTiming
-from .measures import read_models
-from .tables import Row, Table, Tables
+from .export import WIDE
+from .measures import Subset, read_models
+from .tables import COMPARISON, Interval, Row, Table, Tables
 from .text import DASH, MINUS, cell, heading, interval, plain
 
-WIDE = 12
-"""With more categories a table lists them downwards instead of across."""
+SECTIONS = (
+    ("Exact volumes", ("volume_iou", "covered", "excess")),
+    (
+        "Grid and coverage",
+        ("iou_128_not_closed", "coverage_not_closed", "iou_128", "coverage", "open_space"),
+    ),
+    ("Distances", ("out_99", "out_max", "miss_99", "miss_max")),
+    ("For the paper's tables", ("iou_32", "iou_64", "cd_l1", "cd_l2", "cd_surface")),
+)
+"""Tables of measures by section; others come last."""
+UNFOLDED = ("volume_iou", "iou_128_not_closed", "coverage_not_closed", "out_99", "miss_99")
+"""Tables that are open when the page is."""
 QUARANTINE_ROWS = 500
 """Models the failure table lists; a large run's full list is in its quarantine folder."""
 
@@ -42,7 +53,7 @@ class GridCell:
 class Grid:
     """A table laid out: header cells (text, small print) and lines of a label, a style and cells.
 
-    Tables with a line a category are folded away unless they are the main ones (`unfolded`).
+    Tables other than the main ones are folded away (not `unfolded`).
     """
 
     title: str
@@ -52,64 +63,79 @@ class Grid:
     notes: tuple[str, ...]
 
 
+HEADLINES = (
+    ("volume_iou", "exact volume IoU", "{covered} of {models} models are closed"),
+    ("iou_128_not_closed", "IoU at 128³", "{covered} of {models} models are not closed"),
+    ("coverage_not_closed", "coverage", "{covered} of {models} models are not closed"),
+    ("out_99", "result outside the shape", "99th percentile, share of the longest side"),
+    ("miss_99", "shape missed by the result", "99th percentile, share of the longest side"),
+)
+"""Measures at the top of the page: table, label, and which models or what."""
+
+
 def headline(data: ReportData) -> list[Figure]:
-    """The figures at the top, of the first variant."""
+    """The figures at the top, of the first variant: exact where models are closed, then others."""
     variant = data.tables.variants[0]
-    counts = data.tables["counts" if len(data.tables.variants) == 1 else f"counts/{variant}"]
-    by_label = {row.label: row for row in counts.rows}
-    models, ok = (int(by_label[label].summary or 0) for label in ("models", "with a result"))
+    several = len(data.tables.variants) > 1
+    table = data.tables[f"counts/{variant}" if several else "counts"]
+    counts = {row.label: row for row in table.rows}
+    models, ok = _number(counts["models"]), _number(counts["with a result"])
     failed = [
-        f"{row.summary:.0f} {row.label.removeprefix('failed: ')}"
-        for row in counts.rows
-        if row.label.startswith("failed: ") and row.summary
+        f"{_number(row)} {label.removeprefix('failed: ')}"
+        for label, row in counts.items()
+        if label.startswith("failed: ") and row.summary
     ]
     figures = [
         Figure("models with a result", f"{ok} of {models}", ", ".join(failed) or "none failed")
     ]
-    for name, label, unit in (
-        ("iou_64", "IoU at 64³", " %"),
-        ("cd_surface", "distance between surfaces, x 1000", ""),
-        ("open_space", "of the open space left open", " %"),
-    ):
-        table = data.tables[name]
-        ours, plain_row = table.row("cropped", variant), table.row("positives", variant)
-        if ours is None or plain_row is None:
+    for name, label, note in HEADLINES:
+        measured = data.tables.get(name)
+        row = None if measured is None else measured.row("cropped", variant)
+        if measured is None or row is None:
             continue
-        figures.append(
-            Figure(
-                label,
-                _summary(ours) + unit,
-                f"positives only: {_summary(plain_row)}{unit}, {_scope(ours)}",
-            )
-        )
-        difference = table.row("difference", variant)
-        if name == "iou_64" and difference is not None:
-            span = (
-                f"95 % interval {_span(difference)}" if difference.interval else _scope(difference)
-            )
-            figures.append(Figure("points of IoU from negatives", _summary(difference), span))
-    kept, predicted = by_label["negatives kept"], by_label["negatives predicted"]
-    figures.append(
-        Figure(
-            "negatives kept a model",
-            _shown(kept.summary, kept),
-            f"of {_shown(predicted.summary, predicted)} predicted",
-        )
-    )
+        covered = sum(column.models for column in measured.columns)
+        parts = [note.format(covered=covered, models=models), *_sureness(row)]
+        figures.append(Figure(label, f"{_shown(row.overall, row)} %", "; ".join(parts)))
+    kinds = [counts[label] for label in ("positives", "negatives") if label in counts]
+    if kinds:
+        boxes = " + ".join(_shown(row.summary, row) for row in kinds)
+        names = " and ".join(row.label for row in kinds)
+        figures.append(Figure("boxes a model", boxes, names))
+    if "failed checks" in counts:
+        left = counts.get("left the bounding box")
+        note = "" if left is None else f"{_number(left)} left the bounding box"
+        figures.append(Figure("failed checks", str(_number(counts["failed checks"])), note))
     return figures
 
 
-def _summary(row: Row) -> str:
-    return _shown(row.summary if row.summary is not None else row.overall, row)
+def _sureness(row: Row) -> list[str]:
+    """The interval of a mean over all models, and the average over categories beside it."""
+    parts = []
+    if row.overall_interval:
+        parts.append(f"95 % interval {_span(row.overall_interval, row)}")
+    if row.summary is not None:
+        parts.append(f"average over categories {_shown(row.summary, row)} %")
+    return parts
 
 
-def _scope(row: Row) -> str:
-    return "average over categories" if row.summary is not None else "mean over all models"
+def _number(row: Row) -> int:
+    """A number of models."""
+    return int(row.summary or 0)
 
 
-def grids(tables: Tables, prefix: Sequence[str]) -> list[Grid]:
-    """The tables whose names start with one of the prefixes, laid out."""
-    return [_grid(table) for table in tables.tables if table.name.startswith(tuple(prefix))]
+def grids(tables: Tables, prefix: str) -> list[Grid]:
+    """The tables whose names start with a prefix, laid out."""
+    return [_grid(table) for table in tables.tables if table.name.startswith(prefix)]
+
+
+def sections(tables: Tables) -> list[tuple[str, list[Grid]]]:
+    """The tables of measures by section, laid out."""
+    placed = {name: title for title, names in SECTIONS for name in names}
+    found: dict[str, list[Grid]] = {title: [] for title in (*dict(SECTIONS), "Others")}
+    for table in tables.tables:
+        if not table.name.startswith((COMPARISON, "counts")):
+            found[placed.get(table.name, "Others")].append(_grid(table))
+    return [(title, own) for title, own in found.items() if own]
 
 
 def _shown(value: float | None, row: Row) -> str:
@@ -117,58 +143,75 @@ def _shown(value: float | None, row: Row) -> str:
     return cell(value, row, DASH).replace("-", MINUS)
 
 
-def _span(row: Row) -> str:
-    return interval(row).replace("-", MINUS)
+def _span(span: Interval | None, row: Row) -> str:
+    return interval(span, row).replace("-", MINUS)
 
 
 def _grid(table: Table) -> Grid:
     best = table.best()
-    intervals = any(row.interval for row in table.rows)
-    cells = [
-        [
-            GridCell(_shown(value, row), "best" if best[i][j] else "none" if not value else "")
-            for j, value in enumerate((*row.values, row.summary))
-        ]
-        + ([GridCell(_span(row), "interval")] if intervals else [])
-        for i, row in enumerate(table.rows)
-    ]
-    models = [""] if table.name.startswith("counts") else []
-    columns = [(plain(c.label), "" if models else str(c.models)) for c in table.columns]
-    unfolded = len(table.columns) <= WIDE or table.name in ("iou_64", "counts", "variants/iou_32")
-    columns += [(table.summary_label, "")] + ([("95 % interval", "")] if intervals else [])
-    if len(table.columns) <= WIDE:
-        lines = [(plain(row.label), row.role, tuple(cells[i])) for i, row in enumerate(table.rows)]
-        return Grid(heading(table), unfolded, tuple(columns), tuple(lines), table.notes)
-    styles = ["plain"] * len(table.columns) + ["summary"] + ["difference"] * intervals
-    turned = [
-        (label + (f" ({note})" if note else ""), styles[j], tuple(line[j] for line in cells))
-        for j, (label, note) in enumerate(columns)
-    ]
-    head = tuple((plain(row.label), "") for row in table.rows)
-    return Grid(heading(table), unfolded, head, tuple(turned), table.notes)
-
-
-def iou_charts(data: ReportData) -> list[Markup]:
-    """Strip and gain charts of IoU at 64^3, of the first variant; no result stands at 0."""
-    variant = data.tables.variants[0]
-    models = read_models(data.rows[variant], data.split)
-    category = np.array(models.category, dtype=object)
-    cropped, positives = (
-        np.where(models.ok, np.nan_to_num(models.numbers[name]), 0.0) * 100
-        for name in ("iou_64", "iou_64_positives")
-    )
-    strips = [
-        Strip(
-            column.label,
-            cropped[category == column.category],
-            positives[category == column.category],
+    counts = table.better is None
+    columns = [
+        (
+            (plain(column.label), "" if counts else str(column.models)),
+            "plain",
+            _cells([row.values[j] for row in table.rows], table.rows, [line[j] for line in best]),
         )
-        for column in data.tables["iou_64"].columns
+        for j, column in enumerate(table.columns)
     ]
+    for j, total in enumerate(table.totals, len(table.columns)):
+        marks = [line[j] for line in best]
+        columns.append(((total.label, ""), "summary", _cells(total.values, table.rows, marks)))
+        if any(total.intervals):
+            spans = map(_span, total.intervals, table.rows)
+            cells = [GridCell(span, "interval") for span in spans]
+            columns.append((("95 % interval", ""), "interval", cells))
+    unfolded = counts or table.name.removeprefix(COMPARISON) in UNFOLDED
+    lines: list[tuple[str, str, tuple[GridCell, ...]]]
+    if len(table.columns) <= WIDE:
+        lines = [
+            (plain(row.label), row.role, tuple(cells[i] for _, _, cells in columns))
+            for i, row in enumerate(table.rows)
+        ]
+        head = tuple(title for title, _, _ in columns)
+    else:
+        lines = [
+            (label + (f" ({note})" if note else ""), style, tuple(cells))
+            for (label, note), style, cells in columns
+        ]
+        head = tuple((plain(row.label), "") for row in table.rows)
+    return Grid(heading(table), unfolded, head, tuple(lines), tuple(map(plain, table.notes)))
+
+
+def _cells(
+    values: Sequence[float | None], rows: Sequence[Row], best: Sequence[bool]
+) -> list[GridCell]:
     return [
-        strip_chart(strips, "IoU at 64³, %"),
-        gain_chart(cropped[models.ok], positives[models.ok], "IoU at 64³, %"),
+        GridCell(_shown(value, row), "best" if top else "none" if not value else "")
+        for value, row, top in zip(values, rows, best, strict=True)
     ]
+
+
+STRIPS: tuple[tuple[str, str, str, Subset, str], ...] = (
+    ("volume_iou", "volume_iou", "Closed models", "closed", "exact volume IoU, %"),
+    ("iou_128_not_closed", "iou_128", "Models that are not closed", "not closed", "IoU at 128³, %"),
+)
+"""Charts of single models: table, column, title, models, and what the axis shows."""
+
+
+def model_charts(data: ReportData) -> list[Markup]:
+    """Strip charts of the first variant: exact volumes of closed models, the grid for others."""
+    models = read_models(data.rows[data.tables.variants[0]], data.split)
+    category = np.array(models.category, dtype=object)
+    charts = []
+    for name, column, title, subset, axis in STRIPS:
+        table = data.tables.get(name)
+        if table is None:
+            continue
+        values = 100 * models.figures(column, subset)
+        known = np.isfinite(values)
+        strips = [Strip(c.label, values[known & (category == c.category)]) for c in table.columns]
+        charts.append(strip_chart(title, axis, strips))
+    return charts
 
 
 def loss_charts(data: ReportData) -> list[Markup]:

@@ -10,7 +10,7 @@ from typing import Any
 from pnabs import batch
 from pnabs.batch.work import Committed
 from pnabs.formats import Abstraction, written
-from pnabs.pipeline import Prediction, Predictor, Shape, finish, model_rng
+from pnabs.pipeline import Prediction, Predictor, Shape, finish
 from pnabs.settings import Settings
 from pnabs.stages import plans
 from pnabs.stages.context import Context, read_shard_rows
@@ -22,7 +22,8 @@ from pnabs.stages.sharded import run_sharded
 from pnabs.stages.stored import StoredShard
 from pnabs.stages.writing import write_files
 from pnabs.store.atomic import file_digest
-from pnabs.store.metrics import write_metrics
+from pnabs.store.boundaries import read_reasons
+from pnabs.store.metrics import NUMBERS, write_metrics
 from pnabs.store.run import RunFolder, versions
 
 STAGE = "abstract"
@@ -52,7 +53,7 @@ class AbstractTask:
             self.job.abstract,
             category=category,
             model_id=model_id,
-            rng=model_rng(self.job.seed, STAGE, category, model_id),
+            seed=self.job.seed,
             provenance=self.provenance,
         )
         return Finished(abstraction, written(abstraction, self.job.abstract.formats))
@@ -108,14 +109,16 @@ class AbstractWork:
             status[model.model_id] = model.kind
         outputs: dict[str, Any] = {}
         rows = []
+        reasons = read_reasons(run.boundaries(shard))
         for row in read_shard_rows(run.catalogue, shard):
             category, model_id = row["category"], row["model_id"]
             entry = {name: row[name] for name in ("category", "model_id", "split")}
             entry["status"] = status[model_id]
+            entry["not_exact"] = reasons[row["row"]]
             result: Finished | None = finished.get(model_id)
             if result is not None:
                 abstraction = result.abstraction
-                entry |= abstraction.metrics
+                entry |= {name: abstraction.metrics.get(name) for name in NUMBERS}
                 entry["check_ok"] = abstraction.check["ok"]
                 entry["positive_cuboids"] = abstraction.positives.as_vector().tolist()
                 entry["negative_cuboids"] = abstraction.negatives.as_vector().tolist()

@@ -33,9 +33,9 @@ class DifferenceTask:
 
     job: Settings
 
-    def __call__(self, payload: tuple[str, str, Cuboids, Shape]) -> geometry.Difference | None:
+    def __call__(self, payload: tuple[Cuboids, Shape]) -> geometry.Difference | None:
         """Form V_delta, pre-process and sample it."""
-        category, model_id, positives, shape = payload
+        positives, shape = payload
         samples = self.job.ingest.interior_points
         return geometry.difference(
             positives,
@@ -45,7 +45,7 @@ class DifferenceTask:
             self.job.difference,
             surface_points=samples,
             interior_points=samples,
-            rng=model_rng(self.job.seed, STAGE, category, model_id),
+            rng=model_rng(self.job.seed, STAGE),
         )
 
 
@@ -82,7 +82,7 @@ class DifferenceWork:
         stored = StoredShard(run, self.job, shard, [row["row"] for row in models])
         positives = self._predictor.positives(stored.occupancy)
         for row, boxes, shape in zip(models, positives, stored.shapes(), strict=True):
-            yield row["model_id"], (row["category"], row["model_id"], boxes, shape)
+            yield row["model_id"], (boxes, shape)
 
     def commit(self, shard: str, outcomes: Sequence[batch.Outcome]) -> Committed:
         """Write the volumes in their models' rows; `valid` is 0 where V_delta is empty."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from pnabs import batch
 from pnabs.batch.thread_executor import ThreadExecutor
 from pnabs.dataset.files import Files
 from pnabs.formats import from_json
+from pnabs.geometry.check import faults
 from pnabs.settings import Settings
 from pnabs.stages.errors import (
     InterruptedRunError,
@@ -263,7 +264,23 @@ def _describe(folder: Path) -> str:
     """One result in a line."""
     abstraction = from_json((folder / RECORD).read_bytes())
     counts = f"{len(abstraction.positives)} positives, {len(abstraction.negatives)} negatives"
-    verdict = "" if abstraction.check["ok"] else ", FAILED its check"
-    iou = abstraction.metrics.get("iou_64")
-    figure = "" if iou is None else f", IoU at 64^3 {100 * iou:.1f} %"
-    return f"{folder}: {counts}{figure}{verdict}"
+    wrong = faults(abstraction.check)
+    verdict = f"; CHECK FAILED: {', '.join(wrong)}" if wrong else ""
+    return f"{folder}: {counts}{_agreement(abstraction.metrics)}{verdict}"
+
+
+def _agreement(metrics: Mapping[str, float | int]) -> str:
+    """Exact volumes where the mesh is closed, else the finest grid; and the distances."""
+    text = ""
+    if "volume_iou" in metrics:
+        text += f"; exact volume IoU {100 * metrics['volume_iou']:.1f} %"
+    elif "iou_128" in metrics:
+        text += f"; not closed, IoU at 128^3 {100 * metrics['iou_128']:.1f} %"
+    if "coverage" in metrics:
+        text += f", coverage {100 * metrics['coverage']:.1f} %"
+    told = [
+        f"{label} {metrics[name]:.3g}"
+        for label, name in (("stands out", "out_99_units"), ("misses", "miss_99_units"))
+        if name in metrics
+    ]
+    return text + (f"; {', '.join(told)} (99th percentile, input's units)" if told else "")

@@ -11,6 +11,7 @@ import numpy as np
 from pnabs import batch
 from pnabs.batch.work import Committed
 from pnabs.geometry.fields import Fields, compute_fields
+from pnabs.geometry.reference import Boundary
 from pnabs.pipeline import model_rng
 from pnabs.settings import Settings
 from pnabs.stages import plans
@@ -18,6 +19,7 @@ from pnabs.stages.context import Context, read_shard_rows, split_shard
 from pnabs.stages.reach import check_dataset, check_run
 from pnabs.stages.reading import blamed, read_mesh
 from pnabs.stages.sharded import run_sharded
+from pnabs.store.boundaries import write_boundaries
 from pnabs.store.run import RunFolder
 
 STAGE = "ingest"
@@ -44,7 +46,7 @@ class IngestTask:
         options, root = self.job.ingest, self.job.dataset.root
         with blamed(root, row["source"]):
             read = read_mesh(root, row["source"], options.limits)
-            rng = model_rng(self.job.seed, STAGE, row["category"], row["model_id"])
+            rng = model_rng(self.job.seed, STAGE)
             fields = compute_fields(read.mesh, options, self.job.dataset.layout, rng)
             return read.sha256, fields
 
@@ -77,23 +79,32 @@ class IngestWork:
 
     def commit(self, shard: str, outcomes: Sequence[batch.Outcome]) -> Committed:
         """Write the shard's rows; a model that fell out stays zero with `valid` 0."""
-        store = RunFolder(self.job.out).fields(self.job)
+        run = RunFolder(self.job.out)
+        store = run.fields(self.job)
         category, number = split_shard(shard)
         arrays = {
             spec.name: np.zeros((len(outcomes), *spec.shape), spec.dtype) for spec in store.specs
         }
         notes = {}
+        boundaries: list[Boundary | None] = [None] * len(outcomes)
         for row, outcome in enumerate(outcomes):
             if outcome.kind != "ok":
                 continue
             source_digest, fields = outcome.value
             notes[outcome.model_id] = {"source_sha256": source_digest}
             arrays["valid"][row] = 1
-            arrays["occupancy_64"][row] = np.packbits(fields.occupancy_64.reshape(-1))
+            for name in ("occupancy_64", "occupancy_128"):
+                arrays[name][row] = np.packbits(getattr(fields, name).reshape(-1))
             arrays["preview"][row, : len(fields.preview)] = fields.preview
-            for name in ("occupancy", "sdf", "surface", "interior", "transform", "mirror"):
+            for name in (
+                *("occupancy", "sdf", "surface", "interior"),
+                *("transform", "mirror", "extent"),
+            ):
                 arrays[name][row] = getattr(fields, name)
-        return Committed(store.write_shard(category, number, arrays), notes)
+            boundaries[row] = fields.boundary
+        outputs = store.write_shard(category, number, arrays)
+        outputs |= write_boundaries(run.root, run.boundaries(shard), boundaries)
+        return Committed(outputs, notes)
 
 
 def run(context: Context) -> None:

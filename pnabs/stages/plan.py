@@ -22,11 +22,11 @@ STAGES = (
 MODULES = ("positive", "negative")
 
 VERSIONS = {
-    "ingest": 2,
+    "ingest": 3,
     "train-positive": 2,
-    "difference": 2,
+    "difference": 3,
     "train-negative": 3,
-    "abstract": 4,
+    "abstract": 5,
 }
 """Raised when a stage's bytes change for the same settings and inputs."""
 

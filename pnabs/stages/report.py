@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -15,6 +15,7 @@ import yaml
 
 from pnabs import report
 from pnabs.dataset.synsets import name_of
+from pnabs.formats import FORMATS, STEM, FormatError, from_json
 from pnabs.geometry import cuboid
 from pnabs.geometry.solidify import CropRecipe, make_solid
 from pnabs.geometry.types import Cuboids, Float64, Mesh
@@ -31,7 +32,7 @@ STAGE = "report"
 
 
 def run(context: Context, command: str) -> str:
-    """Write RUN/report/index.html and tables.json; returns the tables as text.
+    """Write the page and the tables to RUN/report; returns the tables as text.
 
     Raises
     ------
@@ -59,6 +60,7 @@ def run(context: Context, command: str) -> str:
         names=names,
         split=split,
         seed=job.seed,
+        without_negatives=_without_negatives(context.variants),
         curves=_curves(context),
         gallery=list(_gallery(context, rows["main"], split)),
         quarantine=list(_quarantine(context)),
@@ -68,7 +70,12 @@ def run(context: Context, command: str) -> str:
         fingerprint=identity.get("dataset_fingerprint", ""),
         command=command,
     )
-    write_atomic(context.run.report / "tables.json", tables.to_json().encode())
+    for suffix, text in (
+        ("json", tables.to_json()),
+        ("csv", tables.to_csv()),
+        ("tex", tables.to_latex()),
+    ):
+        write_atomic(context.run.report / f"tables.{suffix}", text.encode())
     report.write_page(data, context.run.report / "index.html")
     return report.render_text(tables)
 
@@ -77,6 +84,21 @@ def _rows(context: Context, variant: str) -> pa.Table:
     home = context.home("abstract", variant)
     done = context.run.ledger.index(home.stage("abstract"))
     return read_metrics([home.metrics(shard) for shard in context.shards.names if shard in done])
+
+
+def _without_negatives(variants: Mapping[str, Settings]) -> list[str]:
+    """Variants that differ from the main one in having no negatives, and in nothing else."""
+
+    def without(job: Settings) -> Settings:
+        abstract = job.abstract.model_copy(update={"negatives": False})
+        return job.model_copy(update={"abstract": abstract})
+
+    main = variants["main"]
+    return [
+        name
+        for name, job in variants.items()
+        if main.abstract.negatives and not job.abstract.negatives and job == without(main)
+    ]
 
 
 def _covered(job: Settings, rows: pa.Table) -> str:
@@ -93,21 +115,34 @@ def _gallery(context: Context, rows: pa.Table, split: str) -> Iterator[report.Ga
     chosen = rows.filter(pc.equal(rows["status"], "ok"))
     if split != "all":
         chosen = chosen.filter(pc.equal(chosen["split"], split))
-    order = chosen.sort_by([("iou_64", "descending"), ("model_id", "ascending")])
-    for category in sorted(order["category"].unique().to_pylist()):
-        ranked = order.filter(pc.equal(order["category"], category))
+    for category in sorted(chosen["category"].unique().to_pylist()):
+        found = chosen.filter(pc.equal(chosen["category"], category))
         own = catalogue.filter(pc.equal(catalogue["category"], category))
-        count = min(job.report.pictures, len(ranked))
-        for position in np.unique(np.linspace(0, len(ranked) - 1, count).round().astype(int)):
-            row = ranked.slice(position, 1).to_pylist()[0]
+        measures = found.select(["model_id", "not_exact", "volume_iou", "iou_128"]).to_pylist()
+        for index in report.pictured(measures, job.report.pictures):
+            (row,) = found.slice(index, 1).to_pylist()
             (place,) = own.filter(pc.equal(own["model_id"], row["model_id"])).to_pylist()
-            number, index = split_shard(place["shard"])[1], place["row"]
-            triangles = store.read_shard(category, number, "preview", index + 1)[index]
-            yield _item(job, row, triangles.astype(np.float64))
+            number, at = split_shard(place["shard"])[1], place["row"]
+            triangles = store.read_shard(category, number, "preview", at + 1)[at]
+            yield _item(job, row, triangles.astype(np.float64), _check(context, row))
+
+
+def _check(context: Context, row: dict[str, Any]) -> dict[str, bool | int] | None:
+    """What the check found wrong with a model's mesh, where it was written down."""
+    if row["check_ok"]:
+        return None
+    folder = context.home("abstract", "main").abstraction(row["category"], row["model_id"])
+    try:
+        return from_json((folder / f"{STEM}{FORMATS['json'].suffix}").read_bytes()).check
+    except (FileNotFoundError, FormatError):
+        return None
 
 
 def _item(
-    job: Settings, row: dict[str, Any], triangles: np.ndarray[Any, Any]
+    job: Settings,
+    row: dict[str, Any],
+    triangles: np.ndarray[Any, Any],
+    check: dict[str, bool | int] | None,
 ) -> report.GalleryItem:
     positives = Cuboids.from_vector(np.array(row["positive_cuboids"]))
     negatives = Cuboids.from_vector(np.array(row["negative_cuboids"]))
@@ -124,6 +159,7 @@ def _item(
         row=row,
         result_source=solid.source.astype(np.int64),
         positives_part=np.repeat(np.arange(len(positives)), 12),
+        check=check,
     )
 
 

@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from pnabs.pipeline import Shape
 from pnabs.settings import Settings
 from pnabs.stages.context import split_shard
+from pnabs.store.boundaries import read_boundaries
 from pnabs.store.run import RunFolder
 
-NAMES = ("occupancy", "occupancy_64", "sdf", "surface", "transform", "mirror")
+NAMES = (
+    *("occupancy", "occupancy_64", "occupancy_128", "sdf"),
+    *("surface", "transform", "mirror", "extent"),
+)
 
 
 class StoredShard:
@@ -32,6 +36,7 @@ class StoredShard:
 
     def __init__(self, run: RunFolder, job: Settings, shard: str, rows: list[int]) -> None:
         self.rows = rows
+        self._boundaries = run.boundaries(shard)
         store = run.fields(job)
         category, number = split_shard(shard)
         count = max(rows, default=-1) + 1
@@ -51,13 +56,20 @@ class StoredShard:
 
     def shapes(self) -> Iterator[Shape]:
         """Each row as a shape."""
-        for i in range(len(self.rows)):
-            bits = np.unpackbits(self._arrays["occupancy_64"][i]).reshape(64, 64, 64)
+        boundaries = read_boundaries(self._boundaries, self.rows)
+        for i, boundary in enumerate(boundaries):
             yield Shape(
-                self._arrays["occupancy"][i].astype(bool),
-                bits.astype(bool),
-                self._arrays["sdf"][i],
-                self._arrays["surface"][i],
-                self._arrays["transform"][i],
-                int(self._arrays["mirror"][i]),
+                occupancy=self._arrays["occupancy"][i].astype(bool),
+                occupancy_64=_unpacked(self._arrays["occupancy_64"][i], 64),
+                occupancy_128=_unpacked(self._arrays["occupancy_128"][i], 128),
+                sdf=self._arrays["sdf"][i],
+                surface=self._arrays["surface"][i],
+                transform=self._arrays["transform"][i],
+                mirror=int(self._arrays["mirror"][i]),
+                extent=self._arrays["extent"][i],
+                boundary=boundary,
             )
+
+
+def _unpacked(bits: NDArray[np.uint8], resolution: int) -> NDArray[np.bool_]:
+    return np.unpackbits(bits).reshape((resolution,) * 3).astype(bool)

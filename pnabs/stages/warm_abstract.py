@@ -3,8 +3,8 @@
 As `warm_ingest`, for the children of the abstract stage.
 """
 
-from pnabs.geometry import metrics
+from pnabs.geometry import measure
 from pnabs.geometry.fit import fit
 
-metrics.warm_up()
+measure.warm_up()
 fit.warm_up()

@@ -13,6 +13,9 @@ from pnabs.store.atomic import file_digest, write_atomic
 from pnabs.store.errors import DamagedDataError
 
 FLOATS = (
+    *("volume_iou", "covered", "excess", "coverage", "iou_128", "beyond"),
+    *("out_99", "out_max", "miss_99", "miss_max"),
+    *("out_99_units", "out_max_units", "miss_99_units", "miss_max_units"),
     *("iou_32", "iou_64", "iou_mesh_64", "iou_32_positives", "iou_64_positives"),
     *("iou_32_networks", "iou_64_networks"),
     *("cd_l1", "cd_l2", "cd_surface"),
@@ -23,14 +26,19 @@ COUNTS = (
     *("positives", "negatives", "mirrored_pairs", "self_mirrored", "axis_aligned"),
     *("negatives_predicted", "negatives_kept", "shrunk", "grown"),
     *("discarded_deep", "discarded_overlap", "discarded_gap", "discarded_idle", "suppressed"),
-    *("pieces", "pieces_dropped", "faces", "jitter_attempt"),
+    *("shape_pieces", "result_pieces", "bodies", "pieces_dropped", "faces"),
+    *("jitter_attempt", "fitted_again"),
 )
+NUMBERS = (*FLOATS, *COUNTS)
+"""Columns that hold what was measured of a result."""
+
 SCHEMA = pa.schema(
     [
         pa.field("category", pa.string(), nullable=False),
         pa.field("model_id", pa.string(), nullable=False),
         pa.field("split", pa.string(), nullable=False),
         pa.field("status", pa.string(), nullable=False),
+        pa.field("not_exact", pa.string()),
         *(pa.field(name, pa.float64()) for name in FLOATS),
         *(pa.field(name, pa.int32()) for name in COUNTS),
         pa.field("check_ok", pa.bool_()),

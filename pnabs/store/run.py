@@ -96,15 +96,21 @@ class RunFolder:
             ArraySpec("valid", (), "u1"),
             ArraySpec("occupancy", (32, 32, 32), "u1"),
             ArraySpec("occupancy_64", (64**3 // 8,), "u1"),
+            ArraySpec("occupancy_128", (128**3 // 8,), "u1"),
             ArraySpec("sdf", (32, 32, 32), "f4"),
             ArraySpec("surface", (ingest.surface_points, 6), "f4"),
             ArraySpec("interior", (ingest.interior_points, 3), "f4"),
             ArraySpec("transform", (4, 4), "f8"),
             ArraySpec("mirror", (), "i1"),
             ArraySpec("preview", (ingest.preview_faces, 3, 3), "f2"),
+            ArraySpec("extent", (3,), "f8"),
         )
         store = self.root / "fields.zarr"
         return CategoryArrays(store, self.root, specs, job.dataset.shard_size)
+
+    def boundaries(self, shard: str) -> Path:
+        """The boundaries of one shard's shapes, a parquet file."""
+        return self.root / "boundaries" / f"{shard}.parquet"
 
     def differences(self, variant: Variant, job: settings.Settings) -> CategoryArrays:
         """The store of a variant's difference volumes; `valid` is 0 where V_delta is empty."""
@@ -218,8 +224,8 @@ class RunFolder:
 
     def sweep(self) -> None:
         """Remove what killed drivers left half-written; workers do it where they write."""
-        places = ("", "ledger/*", "index", "quarantine", "report", "variants/*/metrics")
-        for place in (*places, "variants/*/checkpoints/*/*"):
+        places = ("", "ledger/*", "index", "quarantine", "report", "boundaries")
+        for place in (*places, "variants/*/metrics", "variants/*/checkpoints/*/*"):
             for folder in self.root.glob(place) if place else [self.root]:
                 if folder.is_dir():
                     sweep(folder)

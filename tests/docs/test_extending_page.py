@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -137,10 +137,13 @@ def test_a_metric(module: Maker, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     shape[:2] = True
     result = np.zeros_like(shape)
     result[1:] = True
-    for suffix, prediction in (("", result), ("_positives", shape)):
-        names = {"found": found, "suffix": suffix, "occupancy_64": shape, "prediction": prediction}
-        exec(block(PAGE, "python", 'found[f"missed'), {**vars(new), **names})
-    assert found == {"missed": 0.5, "missed_positives": 0.0}
+    names = {
+        "found": found,
+        "reference": SimpleNamespace(occupancy_64=shape),
+        "result": SimpleNamespace(occupancy={64: result}.__getitem__),
+    }
+    exec(block(PAGE, "python", 'found["missed'), {**vars(new), **names})
+    assert found == {"missed": 0.5}
 
     (measure,) = eval("(" + block(PAGE, "python", "Measure(") + ")", vars(measures))
     columns = [column for _, column in measure.columns]
@@ -154,7 +157,6 @@ def test_a_metric(module: Maker, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     path = tmp_path / "a-00000.parquet"
     metrics.write_metrics(tmp_path, path, [{**one, "model_id": str(i)} for i in range(6)])
     tables = build_tables({"main": metrics.read_metrics([path])}, np.random.default_rng(0))
-    cropped, positives = tables["missed"].row("cropped"), tables["missed"].row("positives")
+    cropped = tables["missed"].row("cropped")
     assert cropped is not None
-    assert positives is not None
-    assert (cropped.summary, positives.summary) == (50.0, 0.0)
+    assert cropped.summary == 50.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pnabs.geometry import cuboid
-from pnabs.geometry.check import check
+from pnabs.geometry.check import check, faults
 from tests.geometry.boxes import axis_aligned
 
 Arrays = tuple[np.ndarray, np.ndarray]
@@ -134,3 +134,26 @@ def test_it_takes_only_what_is_written() -> None:
         check(np.full_like(vertices, np.nan), faces)
     with pytest.raises(ValueError, match="outside 0"):
         check(vertices, faces + 1)
+
+
+def test_bounds_of_the_input() -> None:
+    vertices, faces = box()
+    extent = np.array([0.5, 0.3, 0.2])
+    assert check(vertices, faces, extent).within_bounds
+    assert check(vertices, faces, extent - 2 * 0.0049).ok
+    beyond = check(vertices, faces, extent - [0, 0, 2 * 0.0051])
+    assert beyond.within_bounds is False
+    assert beyond.is_sound
+    assert not beyond.ok
+    assert beyond.as_dict()["ok"] is False
+    assert faults(beyond.as_dict()) == ["leaves the bounding box of its input"]
+
+
+def test_faults_are_named() -> None:
+    assert faults(check(*box()).as_dict()) == []
+    vertices, faces = without_a_face(*box())
+    assert faults(check(vertices, faces).as_dict()) == ["not closed"]
+    nothing = check(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.ones(3))
+    assert faults(nothing.as_dict()) == ["empty"]
+    vertices, faces = with_a_loose_vertex(*box())
+    assert faults(check(vertices, faces).as_dict()) == ["1 unreferenced vertices"]

@@ -67,7 +67,7 @@ def test_boxes_that_meet_in_an_edge_are_parted_by_jitter() -> None:
 
 def test_it_gives_up_after_three_tries(monkeypatch: pytest.MonkeyPatch) -> None:
     failing = replace(made(random_cuboids(0, 2), Cuboids.empty()).check, closed=False)
-    monkeypatch.setattr(room, "check", lambda vertices, faces: failing)
+    monkeypatch.setattr(room, "check", lambda vertices, faces, extent=None: failing)
     result = made(random_cuboids(0, 2), Cuboids.empty())
     assert result.recipe.jitter_attempt == MAX_JITTER_ATTEMPTS
     assert not result.check.ok

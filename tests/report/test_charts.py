@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from pnabs.report.charts import (
     Strip,
     _spread,
-    gain_chart,
     linear_ticks,
     log_ticks,
     loss_chart,
@@ -84,41 +83,38 @@ def test_a_term_has_one_colour_in_all_phases():
     assert [p.get("class") for p in first.findall("path")] == ["line s2", "line s3"]
 
 
-def test_strip_marks_models_and_means():
-    chart = strip_chart([Strip("chair", np.array([20.0, 60.0]), np.array([0.0, 100.0]))], "IoU")
+def test_strip_marks_models_and_their_mean():
+    chart = strip_chart("Closed", "IoU", [Strip("chair", np.array([0.0, 20.0, 100.0]))])
     root = parse(chart)
-    paths = {p.get("class"): p.get("d") for p in root.findall("path")}
-    assert paths["ticks before"].count("M") == 2
-    assert {"chair", "IoU", "positives only"} <= set(texts(chart))
-    after = [c for c in root.findall("circle") if c.get("class") == "mean after"][-1]
-    zero, hundred = (float(m) for m in re.findall(r"M([\d.]+) ", paths["ticks before"]))
-    assert float(after.get("cx")) == pytest.approx(zero + 0.4 * (hundred - zero), abs=0.5)
+    (path,) = root.findall("path")
+    assert {"chair", "Closed", "IoU"} <= set(texts(chart))
+    zero, some, hundred = (float(m) for m in re.findall(r"M([\d.]+) ", path.get("d")))
+    assert (some - zero) / (hundred - zero) == pytest.approx(0.2, abs=0.01)
+    (mean,) = root.findall("circle")
+    assert float(mean.get("cx")) == pytest.approx(zero + 0.4 * (hundred - zero), abs=0.5)
 
 
-def test_gains_and_losses_are_counted_and_drawn_above_and_below_the_diagonal():
-    chart = gain_chart(np.array([60.0, 30.0, 50.0]), np.array([40.0, 40.0, 50.0]), "IoU")
-    assert {"1 better", "1 worse"} <= set(texts(chart))
-    paths = {p.get("class"): p.get("d") for p in parse(chart).findall("path")}
-    (gain_x, gain_y), (same_x, same_y) = (
-        map(float, re.match(r"M(\S+) (\S+?)h0", paths[f"spots {name}"]).groups())
-        for name in ("gain", "same")
-    )
-    assert (same_x - gain_x) == pytest.approx(same_y - gain_y, abs=1.1)
-    assert gain_y < same_y
+def test_every_category_has_a_strip_of_its_own():
+    strips = [Strip(name, np.array([value])) for name, value in (("a", 10.0), ("b", 90.0))]
+    root = parse(strip_chart("title", "axis", strips))
+    heights = [float(c.get("cy")) for c in root.findall("circle")]
+    places = [float(c.get("cx")) for c in root.findall("circle")]
+    assert heights[0] < heights[1]
+    assert places[0] < places[1]
+    labels = {t.text: float(t.get("y")) for t in root.iter("text") if t.text in ("a", "b")}
+    assert [labels["a"], labels["b"]] == pytest.approx(heights, abs=4)
 
 
 def test_size_is_bounded_for_any_number_of_models():
     many = np.random.default_rng(0).uniform(0, 100, 200_000)
-    assert len(strip_chart([Strip("a", many, many)], "IoU")) < 50_000
-    few = np.round(many[:50_000] / 5) * 5
-    assert len(gain_chart(few, few, "IoU")) < 10_000
+    assert len(strip_chart("title", "IoU", [Strip("a", many)])) < 25_000
 
 
-def test_charts_of_nothing():
-    nothing = np.zeros(0)
-    assert "no models" in texts(strip_chart([], "IoU"))
-    assert "0 better" in texts(gain_chart(nothing, nothing, "IoU"))
-    assert "a" in texts(strip_chart([Strip("a", nothing, nothing)], "IoU"))
+def test_strips_of_nothing():
+    assert parse(strip_chart("title", "IoU", [])).findall("path") == []
+    empty = strip_chart("title", "IoU", [Strip("a", np.zeros(0))])
+    assert "a" in texts(empty)
+    assert parse(empty).findall("circle") == []
 
 
 def test_names_cannot_leave_their_text():

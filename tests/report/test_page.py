@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -113,49 +114,171 @@ def test_gallery_has_four_pictures_a_model_and_its_counts(report):
         sizes.add(image.size)
     assert len(sizes) == 1
     assert pictures[0]["alt"] == "original of m0"
+    # A model without figures has its pictures alone.
     for chip in ("6 predicted", "1 too deep", "1 apart", "1 suppressed", "3 kept"):
         assert page.texts.count(chip) == 1
-    assert "+10.0 on 40.0 % without negatives" in page.texts
-    # A model without figures still has its pictures.
-    assert "\N{EN DASH} predicted" in page.texts
+    facts = "8 positives, 3 negatives, connected pieces: 2 of the shape, 3 of the result, 4 bodies"
+    assert f"{facts}, 100 faces" in page.texts
 
 
-def test_headline_figures(report):
+def gallery(report, **figures):
+    """The caption of a model with other figures, as texts in order; `check` is the item's."""
+    check = figures.pop("check", None)
+    data = report()
+    (item, _) = data.gallery
+    changed = replace(item, row=item.row | figures, check=check)
+    text = render_page(report(gallery=[changed]))
+    page = Page(text[text.index('<div class="caption">') : text.index('<div class="pictures">')])
+    return [line for line in page.texts if line], page
+
+
+def test_caption_of_a_closed_model_tells_its_exact_volume_iou(report):
+    texts, _ = gallery(report, volume_iou=0.776, iou_128=0.9, out_99=0.021, miss_99=0.034)
+    assert texts[:2] == ["77.6 %", "exact volume IoU"]
+    assert "out 2.1 %, miss 3.4 %" in texts
+    assert not any("128" in line or "not closed" in line for line in texts)
+
+
+def test_caption_of_another_model_tells_grid_and_coverage_and_why(report):
+    figures = {"volume_iou": None, "iou_128": 0.651, "coverage": 0.92, "not_exact": "open"}
+    texts, _ = gallery(report, **figures)
+    assert texts[:4] == ["65.1 %", "IoU at 128³", "92.0 %", "coverage"]
+    assert "original not closed" in texts
+    assert not any("exact" in line for line in texts)
+
+
+CHECK = {
+    "closed": True,
+    "two_manifold": True,
+    "self_intersections": 0,
+    "duplicate_vertices": 0,
+    "unreferenced_vertices": 0,
+    "degenerate_faces": 0,
+    "components": 1,
+    "within_bounds": True,
+    "ok": True,
+}
+
+
+@pytest.mark.parametrize(
+    ("figures", "verdict", "style"),
+    [
+        ({"check": CHECK}, "closed, two-manifold, within bounds", "gain"),
+        ({"check": None}, "closed, two-manifold, within bounds", "gain"),
+        ({"check_ok": False, "check": CHECK | {"closed": False}}, "not closed", "loss"),
+        (
+            {"check_ok": False, "check": CHECK | {"two_manifold": False, "self_intersections": 3}},
+            "not two-manifold, 3 self intersections",
+            "loss",
+        ),
+        (
+            {"check_ok": False, "beyond": 0.012, "check": None},
+            "leaves the bounding box of its input by 1.2 %",
+            "loss",
+        ),
+        ({"check_ok": False, "check": None}, "failed its check", "loss"),
+    ],
+)
+def test_caption_says_what_the_check_means_or_what_failed(report, figures, verdict, style):
+    texts, page = gallery(report, **figures)
+    assert f"result: {verdict}" in texts
+    assert "passed" not in " ".join(texts)
+    assert [a["class"] for a in page.all("p") if a.get("class") in ("gain", "loss")] == [style]
+
+
+def test_a_result_that_was_not_checked_has_no_verdict(report):
+    texts, page = gallery(report, check_ok=None)
+    assert not any("manifold" in line for line in texts)
+    assert not [a for a in page.all("p") if a.get("class") in ("gain", "loss")]
+    texts, _ = gallery(report, check_ok=None, beyond=0.5)
+    assert "result: leaves the bounding box of its input by 50.0 %" in texts
+
+
+def test_headline_figures_name_their_models(report):
     page = Page(render_page(report()))
-    for text in ("6 of 7", "1 crash", "50.00 %", "+10.00", "12.00", "70.00 %", "3.00"):
+    for text in (
+        "11 of 12",
+        "1 crash",
+        "exact volume IoU",
+        "70.00 %",
+        "IoU at 128³",
+        "65.00 %",
+        "85.00 %",
+        "2.00 %",
+        "3.00 %",
+        "8.0 + 3.0",
+    ):
         assert text in page.texts
+    closed = "6 of 12 models are closed; 95 % interval 70.00 to 70.00; "
+    assert f"{closed}average over categories 70.00 %" in page.texts
+    assert any(text.startswith("5 of 12 models are not closed") for text in page.texts)
 
 
-def test_headline_without_a_large_category_is_the_mean_over_all_models(report, row, table):
-    rows = {"main": table([row("a", iou_64=0.5), row("b", iou_64=0.7)])}
+def test_no_figure_claims_to_be_the_gain_of_negatives(report):
+    text = render_page(report())
+    assert "without negatives" not in text
+    assert "points of IoU" not in text
+    assert "<code>abstract.negatives: false</code>" in text
+
+
+def test_headline_without_a_large_category_is_the_mean_alone(report, row, table):
+    rows = {"main": table([row("a", volume_iou=0.5), row("b", "n", volume_iou=0.7)])}
     tables = build_tables(rows, np.random.default_rng(0))
     page = Page(render_page(report(rows=rows, tables=tables, gallery=())))
     assert "60.00 %" in page.texts
-    assert "positives only: 40.00 %, mean over all models" in page.texts
+    assert "2 of 2 models are closed" in page.texts
+
+
+def test_models_that_are_not_closed_have_a_chart_of_their_own(report):
+    text = render_page(report())
+    charts = re.findall(r'<svg class="chart".*?</svg>', text, flags=re.S)
+    titles = [re.search(r'aria-label="([^"]*)"', chart)[1] for chart in charts]
+    assert titles[:2] == [
+        "Closed models: exact volume IoU, %",
+        "Models that are not closed: IoU at 128³, %",
+    ]
+
+
+def test_tables_stand_in_sections_and_the_main_ones_are_open(report):
+    text = render_page(report())
+    section = text.partition('<section id="tables">')[2].partition("</section>")[0]
+    assert re.findall(r"<h3>(.*?)</h3>", section) == [
+        "Exact volumes",
+        "Grid and coverage",
+        "Distances",
+        "For the paper&#39;s tables",
+    ]
+    unfolded = re.findall(r'<details class="grid" open><summary>(.*?),', section)
+    assert unfolded[:2] == ["Exact volume IoU", "IoU at 128³"]
+    assert len(re.findall("<details", section)) == 17 > len(unfolded)
 
 
 def test_tables_are_turned_when_there_are_many_categories(row, table):
     many = [f"c{i:02d}" for i in range(WIDE + 1)]
     for names, turned in ((many, True), (many[:-1], False)):
         rows = {"main": table([row(name, iou_64=0.5) for name in names for _ in range(5)])}
-        grid = grids(build_tables(rows, np.random.default_rng(0)), ["iou_64"])[0]
+        grid = grids(build_tables(rows, np.random.default_rng(0)), "iou_64")[0]
         labels = [label for label, _, _ in grid.lines]
         assert ("c00 (5)" in labels) is turned
-        assert ("positives only" in labels) is not turned
+        assert ("its positives, not cropped" in labels) is not turned
         assert {len(cells) for _, _, cells in grid.lines} == {len(grid.head)}
         cells = {
             (label, head): cell.text
             for label, _, line in grid.lines
             for (head, _), cell in zip(grid.head, line, strict=True)
         }
-        key = ("c03 (5)", "positives only") if turned else ("positives only", "c03")
+        key = (
+            ("c03 (5)", "its positives, not cropped")
+            if turned
+            else ("its positives, not cropped", "c03")
+        )
         assert cells[key] == "40.00"
         assert "50.00 to 50.00" in cells.values()
 
 
 def test_variants_stand_side_by_side_and_have_their_own_curves(report, row, table):
-    rows = [row("a", f"m{i}", iou_32=0.6 + i / 100) for i in range(6)]
-    worse = [row("a", f"m{i}", iou_32=0.5 + i / 100) for i in range(6)]
+    rows = [row("a", f"m{i}", volume_iou=0.6 + i / 100) for i in range(6)]
+    worse = [row("a", f"m{i}", volume_iou=0.5 + i / 100) for i in range(6)]
     tables = build_tables({"main": table(rows), "plain": table(worse)}, np.random.default_rng(0))
     record = {"epoch": 0, "total": 1.0, "iou_32": 0.5}
     curves = {(name, "positive-initial"): [record] for name in ("main", "plain")}
@@ -166,6 +289,19 @@ def test_variants_stand_side_by_side_and_have_their_own_curves(report, row, tabl
     for title in ("main: positive-initial", "plain: validation models"):
         assert f">{title}</text>" in page
     assert 'id="variants"' not in render_page(report())
+    assert "fitted without negatives" not in page
+
+
+def test_a_variant_without_negatives_tells_what_they_gain(report, row, table):
+    rows = [row("a", f"m{i}") for i in range(6)]
+    tables = build_tables({"main": table(rows), "plain": table(rows)}, np.random.default_rng(0))
+    shown = {"tables": tables, "rows": {"main": table(rows)}}
+    text = render_page(report(**shown, without_negatives=["plain"]))
+    assert "<q>plain</q> is fitted without negatives" in text
+    assert "abstract.negatives" not in text
+    hostile = render_page(report(**shown, without_negatives=["plain", HOSTILE]))
+    check_self_contained(hostile)
+    assert "are fitted without negatives" in hostile
 
 
 def test_long_lists_of_failures_are_cut_and_the_rest_counted(report):
@@ -180,7 +316,7 @@ def test_sections_without_content_are_left_out(report):
     text = render_page(report(gallery=(), curves={}, quarantine=(), timings=(), settings_yaml=""))
     for anchor in ("gallery", "training", "timings"):
         assert f"#{anchor}" not in text
-    assert "No model fell out." in text
+    assert "No model failed." in text
     assert "<pre><code>pnabs run job.yaml</code></pre>" in text
 
 

@@ -37,7 +37,7 @@ def test_the_run_folder_is_as_designed(finished: tuple[Path, Result]) -> None:
     run, result = finished
     assert result.exit_code == 0
     assert "IoU at 64" in result.tables
-    assert "positives only" in result.tables
+    assert "its positives, not cropped" in result.tables
     identity = json.loads((run / "run.json").read_text())
     assert identity["settings"]["training"]["epochs"] == 4
     assert identity["versions"]["torch"]

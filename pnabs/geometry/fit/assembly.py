@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from pnabs.geometry.fit.bits import SIDE, Bits, count, nothing
-from pnabs.geometry.fit.box import Field, is_aligned, paint
-from pnabs.geometry.fit.search import search, worth
+from pnabs.geometry.fit.box import MIDDLE, Field, Room, is_aligned, paint
+from pnabs.geometry.fit.search import search, stray, worth
 from pnabs.geometry.types import Float64
 
-PLANE = (SIDE - 1) / 2
-"""x of the mirror plane, between two layers of cells."""
+PLANE = MIDDLE
+"""x of the mirror plane."""
+
+ANYWHERE: Room = (math.inf, math.inf, math.inf)
+"""The room of boxes that may be anywhere."""
 
 _TOUCHING = 2.0
 """Boxes whose bounds are nearer than so many cells matter to each other's search."""
@@ -66,23 +70,26 @@ class Target(NamedTuple):
         First x that counts: 32 with a mirror, else 0.
     sure : (64, 64) uint64
         Cells that aren't in doubt (`pnabs.geometry.fit.sure`), in both halves.
+    room : three floats
+        Where turned positives may be (`pnabs.geometry.fit.box.Field`).
     """
 
     near: Bits
     far: Bits
     low: int
     sure: Bits
+    room: Room
 
     @classmethod
-    def whole(cls, bits: Bits, sure: Bits) -> Target:
+    def whole(cls, bits: Bits, sure: Bits, room: Room = ANYWHERE) -> Target:
         """A shape as it is."""
-        return cls(bits, bits, 0, sure)
+        return cls(bits, bits, 0, sure, room)
 
     @classmethod
-    def folded(cls, bits: Bits, sure: Bits) -> Target:
+    def folded(cls, bits: Bits, sure: Bits, room: Room = ANYWHERE) -> Target:
         """A shape folded at the plane."""
         (near, far), (one, other) = _halves(bits), _halves(sure)
-        return cls(near, far, SIDE // 2, one & other)
+        return cls(near, far, SIDE // 2, one & other, room)
 
     @property
     def total(self) -> int:
@@ -113,6 +120,7 @@ class Assembly:
         self.total = target.total
         self.boxes = list(boxes)
         self._painted = [self._paint(box) for box in boxes]
+        self._stray = [self._strays(box) for box in boxes]
         self._bounds = [box.bounds() for box in boxes]
         self._settled = [np.inf] * len(boxes)
 
@@ -122,6 +130,7 @@ class Assembly:
         twin.target, twin.total = self.target, self.total
         twin.boxes, twin._painted = list(self.boxes), list(self._painted)
         twin._bounds, twin._settled = list(self._bounds), list(self._settled)
+        twin._stray = list(self._stray)
         return twin
 
     def __len__(self) -> int:
@@ -144,6 +153,7 @@ class Assembly:
         """Add a box."""
         self.boxes.append(box)
         self._painted.append(self._paint(box))
+        self._stray.append(self._strays(box))
         self._bounds.append(box.bounds())
         self._settled.append(np.inf)
         self._unsettle(self._bounds[-1])
@@ -152,6 +162,7 @@ class Assembly:
         """Take a box away."""
         self.boxes.pop(index)
         self._painted.pop(index)
+        self._stray.pop(index)
         self._settled.pop(index)
         self._unsettle(self._bounds.pop(index))
 
@@ -169,10 +180,14 @@ class Assembly:
         return added & ~removed
 
     def iou(self) -> float:
-        """Intersection over union with the target, exactly."""
+        """Intersection over union with the target, exactly within the grid.
+
+        The union has the positives' cells outside the grid too, each box's by itself, as
+        `pnabs.geometry.fit.search.worth` counts them.
+        """
         cells = self.occupied()
         hits = count(cells & self.target.near) + count(cells & self.target.far)
-        union = self.total + 2 * count(cells) - hits
+        union = self.total + 2 * count(cells) + sum(self._stray) - hits
         return hits / union if union else 0.0
 
     def field(self, sign: int, but: int = -1) -> Field:
@@ -182,7 +197,7 @@ class Assembly:
 
     def _within(self, free: Bits) -> Field:
         target = self.target
-        return Field(target.near & free, target.far & free, free, target.low)
+        return Field(target.near & free, target.far & free, free, target.low, target.room)
 
     def gain(self, index: int, rate: float, *, sure: bool = False) -> float:
         """What a box adds to the whole: its `worth` beside all others, by sure cells or all."""
@@ -229,6 +244,7 @@ class Assembly:
         self._unsettle(self._bounds[index])
         self.boxes[index] = box
         self._painted[index] = self._paint(box)
+        self._stray[index] = self._strays(box)
         self._bounds[index] = box.bounds()
         self._unsettle(self._bounds[index])
 
@@ -254,6 +270,12 @@ class Assembly:
             bits |= bits[::-1].copy()
             bits[: self.target.low] = 0
         return bits
+
+    def _strays(self, box: Box) -> int:
+        """The cells of a positive that lie outside the grid, counted as in `worth`."""
+        if box.sign < 0:
+            return 0
+        return int(stray(*box[:3], self.target.low > 0 and box.centred))
 
     def _unsettle(self, changed: Float64) -> None:
         """Boxes about the changed bounds may do better now."""

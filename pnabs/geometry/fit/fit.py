@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from pnabs.geometry import cuboid, quaternion
 from pnabs.geometry.fit import tidy
-from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
+from pnabs.geometry.fit.assembly import ANYWHERE, PLANE, Assembly, Box, Target
 from pnabs.geometry.fit.bits import SIDE, Bits, count, pack, unpack
 from pnabs.geometry.fit.box import is_aligned
 from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, is_strip
+from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.levels import Unit, levels
+from pnabs.geometry.fit.search import LEAST_HALF
 from pnabs.geometry.fit.sure import sure_cells
 from pnabs.geometry.kernel import compiling
 from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
@@ -31,9 +33,12 @@ MIRROR_IOU = 0.9
 _EMPTIEST = 0.1
 """Negatives carve shapes that fill at least this much of their bounding box."""
 
+STANDS_OUT = 2.5e-3
+"""How far corners of turned boxes may stand out of the shape's bounding box, normalised frame."""
+
+
 _NEGLIGIBLE = 5e-4
 """IoU that a tidy side may cost."""
-
 
 _EFFORT = Effort()
 
@@ -86,12 +91,19 @@ def fit(
     terms: Terms,
     rng: np.random.Generator,
     *,
+    extent: Float64,
+    min_side: float,
     start: tuple[Cuboids, Cuboids] | None = None,
     scattered: bool = True,
     sizes: Sequence[int] = (),
     effort: Effort = _EFFORT,
+    strict: bool = False,
 ) -> Fitted:
     """Cover a shape with positives and negatives, few and in agreement with its solid.
+
+    Positives, those of coarser levels too, lie inside the shape's bounding box: along the grid
+    exactly, turned ones with corners at most `STANDS_OUT` outside it.  Only boxes that need
+    `min_side` to be as thick as that stand out further, by half of it at most.
 
     Parameters
     ----------
@@ -103,6 +115,11 @@ def fit(
         Axis across which the shape mirrors, or -1.
     terms : Terms
     rng : numpy.random.Generator
+    extent : (3,) float64
+        Sides of the shape's bounding box, which lies about the origin; normalised frame.
+    min_side : float
+        Boxes are cut down to the bounding box, but no side becomes shorter than this;
+        normalised frame.
     start : (positives, negatives), optional
         Boxes to begin with.
     scattered : bool
@@ -110,6 +127,8 @@ def fit(
     sizes : sequence of int
         Numbers of boxes of coarser levels.
     effort : Effort
+    strict : bool
+        Corners of turned positives stay inside the bounding box too, which costs agreement.
 
     Returns
     -------
@@ -120,19 +139,26 @@ def fit(
     bits = pack(occupancy.transpose(order))
     points = (surface[:, :3].astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
     normals = surface[:, 3:].astype(np.float64)[:, order]
-    given = _to_boxes(start, order) if start else []
+    bounds = Bounds(
+        np.asarray(extent, dtype=np.float64)[order] / 2 / CELL,
+        min_side / CELL,
+        0.0 if strict else STANDS_OUT / CELL,
+    )
+    given = _to_boxes(start, order, bounds) if start else []
     sure = pack(sure_cells(occupancy.transpose(order), points, normals))
-    whole = Target.whole(bits, sure)
+    # Walls keep the search from what lies along them, so boxes are held to the bounds at its end.
+    room = bounds.room() if strict else ANYWHERE
+    whole = Target.whole(bits, sure, room)
 
     if mirror >= 0 and _mirror_iou(bits) >= MIRROR_IOU:
         half = build(
-            Target.folded(bits, sure),
+            Target.folded(bits, sure, room),
             _starts(bits, _paired(given), scattered=scattered, centred=True),
             terms,
             effort,
             rng,
         )
-        _tidy(half, terms, *tidy.folded(points, normals))
+        _tidy(half, bounds, terms, *tidy.folded(points, normals))
         groups = [[box] if box.centred else [box, box.mirrored()] for box in half.boxes]
         assembly = Assembly(whole, [box for group in groups for box in group])
         _complete(assembly, terms, effort, rng)
@@ -141,8 +167,9 @@ def fit(
         assembly = build(
             whole, _starts(bits, given, scattered=scattered, centred=False), terms, effort, rng
         )
-        _tidy(assembly, terms, points, normals)
+        _tidy(assembly, bounds, terms, points, normals)
         groups = [[box] for box in assembly.boxes]
+    groups = [group for group in groups if _contained(group, bounds)]
     groups.sort(key=lambda group: -group[0].sign)
 
     first = np.cumsum([0, *map(len, groups)])
@@ -152,15 +179,35 @@ def fit(
     ]
     boxes = [box for group in groups for box in group]
     return Fitted(
-        *_to_cuboids(units, order),
+        *_to_cuboids([_contained(unit.boxes, bounds) for unit in units], order),
         pairs=sum(len(group) == 2 for group in groups),
         centred=sum(box.centred for box in boxes),
         aligned=sum(bool(is_aligned(box.axes)) for box in boxes),
         coarser={
-            size: FittedLevel(*_to_cuboids(level.units, order), level.origins)
+            size: _level(level.units, bounds, order)
             for size, level in levels(whole, units, sizes).items()
         },
     )
+
+
+def _level(units: Sequence[Unit], bounds: Bounds, order: list[int]) -> FittedLevel:
+    """A level's boxes inside the bounds."""
+    kept = [(unit, group) for unit in units if (group := _contained(unit.boxes, bounds))]
+    origins = [origin for unit, _ in kept for origin in unit.origins]
+    return FittedLevel(*_to_cuboids([group for _, group in kept], order), origins)
+
+
+def _contained(group: list[Box], bounds: Bounds) -> list[Box]:
+    """A box, or a mirrored pair, inside the bounds; nothing if it lies outside.
+
+    Negatives may reach out.
+    """
+    if group[0].sign < 0:
+        return group
+    box = contain(group[0], bounds)
+    if box is None:
+        return []
+    return [box, box.mirrored()] if len(group) == 2 else [box]
 
 
 def _mirror_iou(bits: Bits) -> float:
@@ -168,11 +215,17 @@ def _mirror_iou(bits: Bits) -> float:
     return count(bits & image) / max(count(bits | image), 1)
 
 
-def _tidy(assembly: Assembly, terms: Terms, points: Float64, normals: Float64) -> None:
+def _tidy(
+    assembly: Assembly, bounds: Bounds, terms: Terms, points: Float64, normals: Float64
+) -> None:
     rate, fee = assembly.iou(), _NEGLIGIBLE * assembly.total
-    tidy.straighten(assembly, rate, terms.tilt * assembly.total)
+    tilt = terms.tilt * assembly.total
+    tidy.straighten(assembly, rate, tilt)
     tidy.settle(assembly, points, normals, rate, fee)
     tidy.join(assembly, rate, fee, OVERLAP / CELL)
+    if tidy.hold(assembly, bounds, tilt):
+        tidy.settle(assembly, points, normals, rate, fee)
+        tidy.join(assembly, rate, fee, OVERLAP / CELL)
     tidy.open_out(assembly, rate)
 
 
@@ -205,13 +258,16 @@ def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> 
     return starts
 
 
-def _to_boxes(start: tuple[Cuboids, Cuboids], order: list[int]) -> list[Box]:
-    boxes = []
+def _to_boxes(start: tuple[Cuboids, Cuboids], order: list[int], bounds: Bounds) -> list[Box]:
+    """Boxes at least a cell thick, positives inside the bounds."""
+    bounds = bounds._replace(least=2 * LEAST_HALF)
+    boxes: list[Box] = []
     for sign, cuboids in zip((1, -1), start, strict=True):
         axes = cuboid.rotation_matrices(cuboids)[:, order][:, :, order]
-        half = np.maximum(cuboids.scale.astype(np.float64)[:, order] / 2 / CELL, 0.5)
+        half = np.maximum(cuboids.scale.astype(np.float64)[:, order] / 2 / CELL, LEAST_HALF)
         centre = (cuboids.translation.astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
-        boxes += [Box(*parts, sign) for parts in zip(centre, axes, half, strict=True)]
+        for parts in zip(centre, axes, half, strict=True):
+            boxes += _contained([Box(*parts, sign)], bounds)
     return boxes
 
 
@@ -231,11 +287,11 @@ def _paired(boxes: list[Box]) -> list[Box]:
     return found
 
 
-def _to_cuboids(units: Sequence[Unit], order: list[int]) -> tuple[Cuboids, Cuboids]:
+def _to_cuboids(groups: Sequence[list[Box]], order: list[int]) -> tuple[Cuboids, Cuboids]:
     """Positives and negatives; the second of a pair mirrors the first to the last bit."""
-    if not units:
+    if not groups:
         return Cuboids.empty(), Cuboids.empty()
-    boxes = [unit.boxes[0] for unit in units]
+    boxes = [group[0] for group in groups]
     back = np.argsort(order)
     scale = np.array([2 * box.half for box in boxes])[:, back] * CELL
     # own axes are put in another order too, so that a box along the grid's has no rotation
@@ -244,14 +300,14 @@ def _to_cuboids(units: Sequence[Unit], order: list[int]) -> tuple[Cuboids, Cuboi
     rotation = Rotation.from_matrix(axes).as_quat(scalar_first=True)
     one = Cuboids.from_vector(np.concatenate([scale, rotation, centre], axis=1))
 
-    pair = np.array([len(unit.boxes) == 2 for unit in units])
+    pair = np.array([len(group) == 2 for group in groups])
     flip = np.ones(3, dtype=np.float32)
     flip[order[0]] = -1
     turned = quaternion.mirror(one.rotation, order[0]).astype(np.float32)
     both = one.joined(Cuboids(one.scale, turned, one.translation * flip)[pair])
-    place = np.concatenate([np.arange(len(units)), np.flatnonzero(pair)])
+    place = np.concatenate([np.arange(len(groups)), np.flatnonzero(pair)])
     both = both[np.argsort(place, kind="stable")]
-    sign = np.array([box.sign for unit in units for box in unit.boxes])
+    sign = np.array([box.sign for group in groups for box in group])
     return both[sign > 0], both[sign < 0]
 
 
@@ -263,4 +319,12 @@ def warm_up() -> None:
     x, y, z = np.indices((SIDE, SIDE, SIDE))
     wedge = (abs(x - PLANE) < 12) & (y >= 20) & (z >= 20) & (y + z < 60)
     with compiling():
-        fit(wedge, np.zeros((1, 6), np.float32), 0, Terms(2, 0.01), np.random.default_rng(0))
+        fit(
+            wedge,
+            np.zeros((1, 6), np.float32),
+            0,
+            Terms(2, 0.01),
+            np.random.default_rng(0),
+            extent=np.ones(3),
+            min_side=2e-3,
+        )

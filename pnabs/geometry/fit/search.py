@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pnabs.geometry.fit.box import Field, tally
+from pnabs.geometry.fit.box import Field, cells_beyond, outside, tally
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.types import Float64
 
@@ -12,6 +12,9 @@ LEAST_HALF = 0.5
 """Half a cell: a thinner box would miss whole layers of cells."""
 
 _LARGEST_TURN = 0.5
+
+_OUT = 1e5
+"""What each cell of length outside its room costs a box: more than any box is worth."""
 
 
 @kernel
@@ -29,9 +32,31 @@ def worth(
     A negative box (sign -1) sets right what it takes away from outside the shape, at the
     rate, and loses what it takes from the shape.  With the rate at the IoU reached, what
     raises this raises the IoU (Dinkelbach's method for fractions).
+
+    Outside the grid there is no shape: a positive's cells there are wrong, whatever else is
+    there, and a negative neither earns nor loses anything, what it crops of a positive included.
     """
     hits, cells = tally(centre, axes, half, field, folded)
-    return sign * (hits - rate * (cells - hits))
+    if sign < 0:
+        return -(hits - rate * (cells - hits))
+    out, leaves = outside(centre, axes, half, field.room)
+    if leaves:
+        cells += stray(centre, axes, half, field.low > 0 and not folded)
+    return hits - rate * (cells - hits) - _OUT * out
+
+
+@kernel
+def stray(centre: Float64, axes: Float64, half: Float64, centred: bool) -> int:
+    """Cells of a box outside the grid, as `tally` counts those inside.
+
+    Parameters
+    ----------
+    centre, axes, half
+        The box.
+    centred : bool
+        The box is its own mirror image, and the grid is folded.
+    """
+    return (1 if centred else 2) * cells_beyond(centre, axes, half)
 
 
 @kernel

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from pnabs.geometry.fit.assembly import PLANE, Assembly, Box
-from pnabs.geometry.fit.box import is_aligned
+from pnabs.geometry.fit.box import is_aligned, outside
+from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.search import LEAST_HALF
 from pnabs.geometry.types import Bool, Float64
 
@@ -102,6 +103,38 @@ def along(box: Box, axis: int) -> Box:
     second /= np.linalg.norm(second)
     axes = np.column_stack([first, second, np.cross(first, second)])
     return box._replace(axes=axes, half=half)
+
+
+def hold(assembly: Assembly, bounds: Bounds, tilt: float) -> bool:
+    """Cut turned positives down to the shape's bounds, and improve all boxes within them.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Its target gets the bounds' room.
+    bounds : Bounds
+    tilt : float
+        See `pnabs.geometry.fit.assembly.Assembly.refine`.
+
+    Returns
+    -------
+    bool
+        Whether any box was cut.
+    """
+    assembly.target = assembly.target._replace(room=bounds.room())
+    cut = False
+    for index, box in enumerate(assembly.boxes):
+        if box.sign > 0 and outside(*box[:3], assembly.target.room)[0] > 0:
+            # along its own axes a box may be a cell too thick, here as in the search
+            own = np.abs(box.axes).sum(axis=1) <= 1 + 1e-9
+            wide = bounds._replace(half=np.where(own, np.inf, bounds.half), least=2 * LEAST_HALF)
+            if inner := contain(box, wide):
+                assembly.replace(index, inner)
+                cut = True
+    if cut:
+        for step in (2.0, 1.0):
+            assembly.refine(assembly.iou(), step, 0.25, tilt)
+    return cut
 
 
 def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, fee: float) -> None:

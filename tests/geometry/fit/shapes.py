@@ -8,7 +8,7 @@ from pnabs.geometry import cuboid
 from pnabs.geometry.crop import crop
 from pnabs.geometry.fit.fit import CELL
 from pnabs.geometry.sampling import draw_on_triangles
-from pnabs.geometry.types import Bool, Cuboids, Float32, grid_points
+from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, grid_points
 
 Sides = tuple[float, float, float]
 
@@ -20,6 +20,16 @@ def upright(*rows: tuple[Sides, Sides]) -> Cuboids:
         for sides, centre in rows
     ]
     return Cuboids.from_vector(np.array(vectors, dtype=np.float64))
+
+
+def extent(positives: Cuboids) -> Float64:
+    """Sides of the box about the origin that just holds them, (3,) float64."""
+    return np.asarray(2 * np.abs(cuboid.corners(positives)).max(axis=(0, 1)))
+
+
+def stands_out(positives: Cuboids, extent: Float64) -> float:
+    """How far they leave a box about the origin of those sides."""
+    return float((np.abs(cuboid.corners(positives)) - extent / 2).max())
 
 
 def occupied(positives: Cuboids, negatives: Cuboids | None = None) -> Bool:

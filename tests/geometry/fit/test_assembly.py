@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from pnabs.geometry.fit import bits
 from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
+from pnabs.geometry.fit.box import outside
 from pnabs.geometry.fit.search import LEAST_HALF, worth
-from pnabs.geometry.metrics import iou
 from pnabs.geometry.types import Bool
-from tests.geometry.fit.test_box import contained, random_box
+from tests.geometry.fit.test_box import beyond, contained, random_box
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVERY = ~bits.nothing()
@@ -42,12 +42,23 @@ def solid(boxes: list[Box]) -> Bool:
     return added & ~removed
 
 
+def strays(boxes: list[Box]) -> int:
+    """Cells of the positives outside the grid."""
+    return sum(beyond(box) for box in boxes if box.sign > 0)
+
+
+def agreement(boxes: list[Box], shape: Bool) -> float:
+    """IoU with a shape that has no cells outside the grid."""
+    cells = solid(boxes)
+    return float(np.sum(cells & shape) / (np.sum(cells | shape) + strays(boxes)))
+
+
 @given(SEEDS)
 @settings(deadline=None, max_examples=6)
 def test_iou_is_that_of_the_cells(seed: int) -> None:
     shape, found = blob(seed), boxes(seed)
     assembly = Assembly(Target.whole(bits.pack(shape), EVERY), found)
-    assert assembly.iou() == pytest.approx(iou(solid(found), shape), abs=1e-12)
+    assert assembly.iou() == pytest.approx(agreement(found, shape), abs=1e-12)
 
 
 @given(SEEDS)
@@ -56,7 +67,7 @@ def test_a_folded_assembly_is_worth_what_the_whole_with_all_images_is(seed: int)
     shape, found = blob(seed), boxes(seed)
     folded = Assembly(Target.folded(bits.pack(shape), EVERY), found)
     images = [image for box in found for image in (box, box.mirrored())]
-    assert folded.iou() == pytest.approx(iou(solid(images), shape), abs=1e-12)
+    assert folded.iou() == pytest.approx(agreement(images, shape), abs=1e-12)
     assert folded.size == len(images)
 
 
@@ -68,7 +79,8 @@ def test_a_gain_is_what_the_whole_loses_without_the_box(seed: int, rate: float, 
 
     def score(boxes: list[Box]) -> float:
         cells = solid(boxes)
-        return float(2 * (np.sum(cells & shape) - rate * np.sum(cells & ~shape)))
+        wrong = np.sum(cells & ~shape) + strays(boxes)
+        return float(2 * (np.sum(cells & shape) - rate * wrong))
 
     gain = score(found) - score(found[:index] + found[index + 1 :])
     assert assembly.gain(index, rate) == pytest.approx(gain)
@@ -132,6 +144,53 @@ def test_a_centred_box_stays_its_own_mirror_image() -> None:
     assert not np.array_equal(found.half, start.half)
     assert found.centre[0] == PLANE
     np.testing.assert_array_equal(found.painted(), found.mirrored().painted())
+
+
+def test_a_block_outside_the_grid_costs_what_it_does_inside() -> None:
+    shape = Box(np.array([30.0, 30, 30]), np.eye(3), np.full(3, 4.5))
+    target = Target.whole(shape.painted(), EVERY)
+    costs = []
+    for z in (50.0, 61.0, 90.0):  # inside the grid, half of it, outside
+        block = Box(np.array([30.0, 30, z]), np.eye(3), np.full(3, 2.5))
+        assembly = Assembly(target, [shape, block])
+        assert assembly.iou() == pytest.approx(9**3 / (9**3 + 5**3))
+        assert Assembly(target, [shape]).iou() == 1
+        costs.append(assembly.gain(1, 0.9))
+    assert costs == [pytest.approx(-0.9 * 2 * 5**3)] * 3
+
+
+def test_a_negative_outside_the_grid_is_worth_nothing() -> None:
+    shape = Box(np.array([30.0, 30, 57]), np.eye(3), np.array([4.5, 4.5, 6.5]))
+    long = Box(np.array([30.0, 30, 60]), np.eye(3), np.array([4.5, 4.5, 9.5]))
+    crop = Box(np.array([30.0, 30, 70]), np.eye(3), np.array([8.5, 8.5, 6.0]), -1)
+    assembly = Assembly(Target.whole(shape.painted(), EVERY), [long, crop])
+    assert assembly.gain(1, 0.9) == 0
+    assert assembly.iou() == pytest.approx(13 / 19)
+
+
+@pytest.mark.parametrize("centred", [False, True])
+def test_a_folded_box_outside_costs_what_the_whole_does(centred: bool) -> None:
+    shape = blob(11)
+    shape |= shape[::-1]
+    box = Box(np.array([PLANE, 30.0, 62.0]), np.eye(3), np.array([5.0, 3.5, 4.5]))
+    if not centred:
+        box = box._replace(centre=np.array([50.0, 30.0, 62.0]))
+    images = [box] if centred else [box, box.mirrored()]
+    folded = Assembly(Target.folded(bits.pack(shape), EVERY), [box._replace(centred=centred)])
+    whole = Assembly(Target.whole(bits.pack(shape), EVERY), images)
+    assert folded.iou() == whole.iou() == pytest.approx(agreement(images, shape))
+    gains = [whole.gain(index, 0.7) for index in range(len(images))]
+    assert folded.gain(0, 0.7) == pytest.approx(sum(gains) / 2)
+
+
+@given(SEEDS)
+@settings(deadline=None, max_examples=5)
+def test_search_brings_a_turned_positive_into_its_room(seed: int) -> None:
+    room = (20.0, 24.0, 18.0)
+    target = Target.whole(bits.pack(blob(seed)), EVERY, room)
+    assembly = Assembly(target, [])
+    found, _ = assembly.searched(random_box(seed + 60), assembly.field(1), 0.8, 4.0, 0.25)
+    assert outside(*found[:3], room)[0] <= 1e-6
 
 
 def test_changes_are_seen_and_a_copy_has_its_own() -> None:

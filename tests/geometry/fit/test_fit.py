@@ -15,9 +15,18 @@ from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.quaternion import to_matrix
 from pnabs.geometry.types import Bool, Cuboids
 from tests.geometry.boxes import random_cuboids
-from tests.geometry.fit.shapes import CRATE, HOLLOW, TABLE, occupied, surface, upright
+from tests.geometry.fit.shapes import (
+    CRATE,
+    HOLLOW,
+    TABLE,
+    extent,
+    occupied,
+    surface,
+    upright,
+)
 
 NONE = Cuboids.empty()
+MIN_SIDE = 2e-3
 
 
 def fitted(
@@ -32,6 +41,7 @@ def fitted(
     levels: tuple[int, ...] = (),
     start: tuple[Cuboids, Cuboids] | None = None,
     scattered: bool = True,
+    strict: bool = False,
 ) -> tuple[Fitted, Bool]:
     shape = occupied(positives, negatives)
     found = fit(
@@ -40,15 +50,18 @@ def fitted(
         mirror,
         Terms(budget, price, negatives=None if allowed else 0),
         np.random.default_rng(seed),
+        extent=extent(positives),
+        min_side=MIN_SIDE,
         sizes=levels,
         start=start,
         scattered=scattered,
+        strict=strict,
     )
     return found, shape
 
 
 def agreement(found: Fitted, shape: Bool) -> float:
-    return iou(predicted_occupancy(found.positives, found.negatives, 64, 2e-3), shape)
+    return iou(predicted_occupancy(found.positives, found.negatives, 64, MIN_SIDE), shape)
 
 
 @pytest.mark.parametrize("mirror", [-1, 0, 1, 2])
@@ -134,7 +147,7 @@ def test_the_budget_holds_and_every_box_is_sound(seed: int, budget: int, mirror:
     assert 0 < len(found.positives) + len(found.negatives) <= budget
     for boxes in (found.positives, found.negatives):
         assert np.isfinite(boxes.as_vector()).all()
-        assert (boxes.scale >= CELL - 1e-6).all()
+        assert (boxes.scale >= MIN_SIDE).all()
     assert agreement(found, solid) > 0
 
 
@@ -178,7 +191,13 @@ def test_the_smallest_shapes_have_boxes_too(cells: tuple[slice, slice, slice]) -
     shape[cells] = True
     for mirror in (-1, 0):
         found = fit(
-            shape, np.zeros((1, 6), np.float32), mirror, Terms(20, 0.004), np.random.default_rng(0)
+            shape,
+            np.zeros((1, 6), np.float32),
+            mirror,
+            Terms(20, 0.004),
+            np.random.default_rng(0),
+            extent=np.full(3, 1.1),
+            min_side=MIN_SIDE,
         )
         assert agreement(found, shape) == 1
 
