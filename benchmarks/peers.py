@@ -5,7 +5,7 @@
 
 Each program, pnabs among them, gets the exact solid of each closed model of a split and at most so
 many parts, runs in a child with a time limit, and its parts are written to OUT/<program>.  Then
-`pnabs.evaluate` measures them all against the solids.  Go on with the same command; what is there
+`pnabs.evaluate` measures them all against the run.  Go on with the same command; what is there
 isn't done again.
 """
 
@@ -89,7 +89,7 @@ def vhacd_hulls(vertices: Float64, faces: Int64, parts: int) -> list[Part]:
 
 
 def oriented_boxes(vertices: Float64, faces: Int64, parts: int) -> list[Part]:
-    """One oriented bounding box a connected component, by trimesh."""
+    """One oriented bounding box a connected body of the solid, by trimesh."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     found = []
     for component in mesh.split(only_watertight=False, repair=False):
@@ -109,7 +109,7 @@ PROGRAMS: dict[str, Callable[[Float64, Int64, int], list[Part] | Abstraction]] =
     "CoACD, boxes": coacd_boxes,
     "miniacd, hulls": miniacd_hulls,
     "V-HACD, hulls": vhacd_hulls,
-    "a box a component": oriented_boxes,
+    "a box a body": oriented_boxes,
 }
 
 
@@ -183,7 +183,7 @@ def decompose(model: Model, program: str, out: Path, parts: int, seconds: float)
 
 
 def solids_of(out: Path) -> Path:
-    """Where the exact solids lie: a dataset in the layout `folder`."""
+    """Where the exact solids lie."""
     return out / "solids"
 
 
@@ -217,12 +217,14 @@ def child(program: str, source: Path, out: Path, parts: int) -> None:
     click.echo(json.dumps(told))
 
 
-def report(out: Path, models: list[Model], programs: list[str], parts: int) -> None:
+def report(
+    run: Path, split: str, out: Path, models: list[Model], programs: list[str], parts: int
+) -> None:
     """Measure, and print a row a program and its paired differences to pnabs."""
     evaluation = pnabs.evaluate(
-        solids_of(out),
+        run,
         {program: folder_of(out, program) for program in programs},
-        layout="folder",
+        only=None if split == "all" else split,
         max_parts=parts,
         out=out / "evaluation",
     )
@@ -327,7 +329,7 @@ def main(
             pool.map(lambda one: decompose(one[0], one[1], out, parts, seconds), work), 1
         ):
             click.echo(f"{number} of {len(work)}", err=True)
-    report(out, models, programs, parts)
+    report(run_folder, split, out, models, programs, parts)
 
 
 if __name__ == "__main__":

@@ -356,7 +356,11 @@ def test_edited_models_are_noticed_by_their_content(
     changed = {name for name in theirs if ours[name] != theirs[name]}
     assert {"catalogue.parquet", "ledger/ingest/02828884-00000.json"} <= changed
     others = {name for name in changed if not name.startswith("fields.zarr/02828884/")}
-    assert others == {"catalogue.parquet", "ledger/ingest/02828884-00000.json"}
+    assert others == {
+        "boundaries/02828884-00000.parquet",
+        "catalogue.parquet",
+        "ledger/ingest/02828884-00000.json",
+    }
 
 
 def test_one_category_leaves_the_others_and_the_training_alone(
