@@ -251,7 +251,7 @@ def report(
         seconds = [one["cpu"] for one in ended if "cpu" in one]
         kinds = Counter(one["ended"] for one in ended if one["ended"] != "ok")
         kinds["over the cap"] = sum(one.get("parts", 0) > parts for one in ended)
-        kinds["not measured"] = int(np.isnan(volume).sum()) - sum(kinds.values())
+        kinds["not closed"] = int(np.isnan(volume).sum()) - sum(kinds.values())
         failures = ", ".join(f"{count} {kind}" for kind, count in kinds.items() if count) or "0"
         low, high = interval(np.nan_to_num(volume))
         cells = [
