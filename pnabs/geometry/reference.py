@@ -21,9 +21,6 @@ from pnabs.geometry.solid import are_inside
 from pnabs.geometry.types import Bool, Float32, Float64, Mesh
 from pnabs.geometry.weld import weld
 
-OUTER_RESOLUTION = 128
-"""Grid on which the outside is told from what it can't reach."""
-
 _ROUNDS = 4
 _MOST = 16
 _SEED = 17

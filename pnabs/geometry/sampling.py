@@ -117,12 +117,12 @@ def _sides(points: Float64, normals: Float64, core: Bool) -> tuple[Bool, Bool]:
     Looked up half a cell away, and a whole cell where that doesn't tell the sides apart.
     """
     cell = GRID_SIDE / len(core)
-    upper = lookup(points + 0.5 * cell * normals, core)
-    lower = lookup(points - 0.5 * cell * normals, core)
+    upper = _lookup(points + 0.5 * cell * normals, core)
+    lower = _lookup(points - 0.5 * cell * normals, core)
     same = np.flatnonzero(upper == lower)
     further = cell * normals[same]
-    upper[same] = lookup(points[same] + further, core)
-    lower[same] = lookup(points[same] - further, core)
+    upper[same] = _lookup(points[same] + further, core)
+    lower[same] = _lookup(points[same] - further, core)
     return upper, lower
 
 
@@ -139,7 +139,7 @@ def has_core_beside(triangles: Float64, normals: Float64, core: Bool) -> Bool:
     return np.asarray(upper | lower)
 
 
-def lookup(points: Float64, cells: Bool) -> Bool:
+def _lookup(points: Float64, cells: Bool) -> Bool:
     """A grid's values at points, (P,) bool; beyond the grid those of the nearest cell."""
     cell = GRID_SIDE / len(cells)
     index = np.floor((points + GRID_SIDE / 2) / cell).astype(np.int64).clip(0, len(cells) - 1)
