@@ -7,19 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pnabs.geometry.fit.bits import SIDE, Bits, count, nothing
-from pnabs.geometry.fit.box import MIDDLE, Field, Room, is_aligned, paint
-from pnabs.geometry.fit.search import search, stray, worth
-from pnabs.geometry.types import Float64
-
-PLANE = MIDDLE
-"""x of the mirror plane."""
+from pnabs.geometry.fit.bits import WORD, Bits, count, nothing, ones, span, tell, untell
+from pnabs.geometry.fit.box import bounds_of, cells_of, chords, is_aligned, rows_of, slabs_of
+from pnabs.geometry.fit.search import Field, Room, search, stray, worth
+from pnabs.geometry.kernel import kernel
+from pnabs.geometry.types import Float64, Int64
 
 ANYWHERE: Room = (math.inf, math.inf, math.inf)
 """The room of boxes that may be anywhere."""
 
 _TOUCHING = 2.0
 """Boxes whose bounds are nearer than so many cells matter to each other's search."""
+
+_DEPTH = 5
+"""Binary digits of the counts of boxes over a cell, until there are more boxes than that."""
 
 
 class Box(NamedTuple):
@@ -31,7 +32,7 @@ class Box(NamedTuple):
     sign : int
         1 adds, -1 takes away.
     centred : bool
-        Its own mirror image.
+        Its own mirror image in the grid's middle plane across x.
     """
 
     centre: Float64
@@ -45,17 +46,19 @@ class Box(NamedTuple):
         extent = np.abs(self.axes) @ self.half
         return np.array([self.centre - extent, self.centre + extent])
 
-    def mirrored(self) -> Box:
-        """Its image in the plane x = `PLANE`."""
+    def mirrored(self, plane: float) -> Box:
+        """Its image in the plane x = `plane`."""
         flip = np.array([-1.0, 1.0, 1.0])
-        centre = np.array([2 * PLANE - self.centre[0], *self.centre[1:]])
+        centre = np.array([2 * plane - self.centre[0], *self.centre[1:]])
         return self._replace(centre=centre, axes=flip[:, None] * self.axes * flip)
 
-    def painted(self) -> Bits:
-        """Its cells."""
-        bits = nothing()
-        paint(self.centre, self.axes, self.half, bits)
-        return bits
+    def scaled(self, factor: float) -> Box:
+        """The same box in the cells of a grid that has `factor` times as many."""
+        return self._replace(
+            centre=(self.centre + 0.5) * factor - 0.5,
+            axes=self.axes.copy(),
+            half=self.half * factor,
+        )
 
 
 class Target(NamedTuple):
@@ -63,33 +66,59 @@ class Target(NamedTuple):
 
     Attributes
     ----------
-    near, far : (64, 64) uint64
-        The half x > `PLANE`, and the other half's mirror image.  Without a mirror both are
-        the whole shape, so that each cell counts twice in either case.
+    near, far : (G, G, G / 64) uint64
+        The half beyond the middle plane across x, and the other half's mirror image.  Without a
+        mirror both are the whole shape, so that each cell counts twice in either case.
     low : int
-        First x that counts: 32 with a mirror, else 0.
-    sure : (64, 64) uint64
-        Cells that aren't in doubt (`pnabs.geometry.fit.sure`), in both halves.
+        First x that counts: G / 2 with a mirror, else 0.
+    points : (K, 3) float64
+        Points of the outer surface, in cells; with a mirror all beyond the plane.
+    cover : float
+        What covering all of them is worth, as a share of the shape's volume.
+    reach : float
+        How near to a box points are covered, in cells.
     room : three floats
-        Where turned positives may be (`pnabs.geometry.fit.box.Field`).
+        Where turned positives may be (`pnabs.geometry.fit.search.Room`).
     """
 
     near: Bits
     far: Bits
     low: int
-    sure: Bits
+    points: Float64
+    cover: float
+    reach: float
     room: Room
 
     @classmethod
-    def whole(cls, bits: Bits, sure: Bits, room: Room = ANYWHERE) -> Target:
+    def whole(
+        cls,
+        bits: Bits,
+        points: Float64,
+        cover: float,
+        reach: float,
+        room: Room = ANYWHERE,
+    ) -> Target:
         """A shape as it is."""
-        return cls(bits, bits, 0, sure, room)
+        return cls(bits, bits, 0, points, cover, reach, room)
 
-    @classmethod
-    def folded(cls, bits: Bits, sure: Bits, room: Room = ANYWHERE) -> Target:
-        """A shape folded at the plane."""
-        (near, far), (one, other) = _halves(bits), _halves(sure)
-        return cls(near, far, SIDE // 2, one & other, room)
+    def folded(self) -> Target:
+        """The shape folded at the plane."""
+        low = self.side // 2
+        near, far = nothing(self.side), nothing(self.side)
+        near[low:] = self.near[low:]
+        far[low:] = self.near[:low][::-1]
+        points = folded(self.points, self.plane)
+        return self._replace(near=near, far=far, low=low, points=points)
+
+    @property
+    def side(self) -> int:
+        """Cells along the grid."""
+        return int(self.near.shape[0])
+
+    @property
+    def plane(self) -> float:
+        """x of the middle plane."""
+        return (self.side - 1) / 2
 
     @property
     def total(self) -> int:
@@ -97,12 +126,111 @@ class Target(NamedTuple):
         return count(self.near) + count(self.far)
 
 
-def _halves(bits: Bits) -> tuple[Bits, Bits]:
-    """The half x > `PLANE`, and the other half's mirror image in its place."""
-    near, far = nothing(), nothing()
-    near[SIDE // 2 :] = bits[SIDE // 2 :]
-    far[SIDE // 2 :] = bits[: SIDE // 2][::-1]
-    return near, far
+def folded(points: Float64, plane: float) -> Float64:
+    """Points, and other numbers behind them, with x below the plane mirrored in it."""
+    points = points.copy()
+    points[:, 0] = plane + np.abs(points[:, 0] - plane)
+    return points
+
+
+class _Cover:
+    """How many boxes of one sign lie over each cell, and near each point."""
+
+    def __init__(self, side: int, points: int) -> None:
+        self.planes = np.zeros((_DEPTH, side, side, side // WORD), dtype=np.uint64)
+        self.any = nothing(side)
+        self.points = np.zeros(points, dtype=np.int64)
+
+    def copy(self) -> _Cover:
+        twin = _Cover.__new__(_Cover)
+        twin.planes, twin.any = self.planes.copy(), self.any.copy()
+        twin.points = self.points.copy()
+        return twin
+
+    def deepen(self) -> None:
+        self.planes = np.concatenate([self.planes, np.zeros_like(self.planes[:1])])
+
+
+@kernel
+def _stamp(
+    centre: Float64,
+    axes: Float64,
+    half: Float64,
+    low: int,
+    folded: bool,
+    planes: Bits,
+    union: Bits,
+    add: bool,
+) -> None:
+    """Count a box in, or out, in all its cells with x >= `low`; folded, its image's too."""
+    last = union.shape[0] - 1
+    bounds = bounds_of(centre, axes, half)
+    x0, x1 = max(0, bounds[0, 0]), min(last, bounds[0, 1])
+    y0, y1 = max(0, bounds[1, 0]), min(last, bounds[1, 1])
+    z0, z1 = max(0, bounds[2, 0]), min(last, bounds[2, 1])
+    if y0 > y1 or z0 > z1:
+        return
+    slabs = slabs_of(axes, half)
+    lows, highs = np.empty(y1 - y0 + 1), np.empty(y1 - y0 + 1)
+    lows2, highs2 = np.empty(y1 - y0 + 1), np.empty(y1 - y0 + 1)
+    end = max(x1, last - x0) if folded else x1
+    for x in range(max(x0, low), end + 1):
+        itself = x0 <= x <= x1
+        image = folded and x0 <= last - x <= x1
+        first, final = y0, y1
+        if not image:
+            first, final = rows_of(centre, axes, half, x, y0, y1)
+        if itself:
+            chords(centre, slabs, x, first, final, z0, z1, lows, highs)
+        if image:
+            chords(centre, slabs, last - x, first, final, z0, z1, lows2, highs2)
+        for y in range(first, final + 1):
+            low, high = cells_of(lows[y - first], highs[y - first]) if itself else (1, 0)
+            low2, high2 = cells_of(lows2[y - first], highs2[y - first]) if image else (1, 0)
+            if low > high and low2 > high2:
+                continue
+            for w in range(union.shape[2]):
+                mask = span(low, high, w) | span(low2, high2, w)
+                if mask:
+                    if add:
+                        tell(planes, x, y, w, mask)
+                        union[x, y, w] |= mask
+                    else:
+                        untell(planes, x, y, w, mask)
+                        left = np.uint64(0)
+                        for d in range(planes.shape[0]):
+                            left |= planes[d, x, y, w]
+                        union[x, y, w] = left
+
+
+@kernel
+def _reach(
+    centre: Float64,
+    axes: Float64,
+    half: Float64,
+    points: Float64,
+    margin: float,
+    last: float,
+    folded: bool,
+    counts: Int64,
+    by: int,
+) -> None:
+    """Count a box, grown by a margin, in or out at the points that it holds."""
+    a, b, c = half[0] + margin, half[1] + margin, half[2] + margin
+    if min(a, b, c) < 0:
+        return
+    for p in range(len(points)):
+        for image in range(2 if folded else 1):
+            x = points[p, 0] if image == 0 else last - points[p, 0]
+            x -= centre[0]
+            y, z = points[p, 1] - centre[1], points[p, 2] - centre[2]
+            if (
+                abs(axes[0, 0] * x + axes[1, 0] * y + axes[2, 0] * z) <= a
+                and abs(axes[0, 1] * x + axes[1, 1] * y + axes[2, 1] * z) <= b
+                and abs(axes[0, 2] * x + axes[1, 2] * y + axes[2, 2] * z) <= c
+            ):
+                counts[p] += by
+                break
 
 
 class Assembly:
@@ -118,19 +246,21 @@ class Assembly:
     def __init__(self, target: Target, boxes: list[Box]) -> None:
         self.target = target
         self.total = target.total
-        self.boxes = list(boxes)
-        self._painted = [self._paint(box) for box in boxes]
-        self._stray = [self._strays(box) for box in boxes]
-        self._bounds = [box.bounds() for box in boxes]
-        self._settled = [np.inf] * len(boxes)
+        self.boxes: list[Box] = []
+        self._covers = {sign: _Cover(target.side, len(target.points)) for sign in (1, -1)}
+        self._stray: list[int] = []
+        self._bounds: list[Float64] = []
+        self._settled: list[float] = []
+        for box in boxes:
+            self.add(box)
 
     def copy(self) -> Assembly:
         """One that can be changed by itself."""
         twin = Assembly.__new__(Assembly)
         twin.target, twin.total = self.target, self.total
-        twin.boxes, twin._painted = list(self.boxes), list(self._painted)
+        twin.boxes, twin._stray = list(self.boxes), list(self._stray)
         twin._bounds, twin._settled = list(self._bounds), list(self._settled)
-        twin._stray = list(self._stray)
+        twin._covers = {sign: cover.copy() for sign, cover in self._covers.items()}
         return twin
 
     def __len__(self) -> int:
@@ -151,8 +281,12 @@ class Assembly:
 
     def add(self, box: Box) -> None:
         """Add a box."""
+        if sum(other.sign == box.sign for other in self.boxes) >= 2 ** len(
+            self._covers[box.sign].planes
+        ) - 1:
+            self._covers[box.sign].deepen()
+        self._stamp(box, add=True)
         self.boxes.append(box)
-        self._painted.append(self._paint(box))
         self._stray.append(self._strays(box))
         self._bounds.append(box.bounds())
         self._settled.append(np.inf)
@@ -160,24 +294,24 @@ class Assembly:
 
     def remove(self, index: int) -> None:
         """Take a box away."""
-        self.boxes.pop(index)
-        self._painted.pop(index)
+        self._stamp(self.boxes.pop(index), add=False)
         self._stray.pop(index)
         self._settled.pop(index)
         self._unsettle(self._bounds.pop(index))
 
-    def covered(self, but: int = -1) -> tuple[Bits, Bits]:
-        """Cells of the positives and of the negatives, one box left out."""
-        cells = {1: nothing(), -1: nothing()}
-        for index, (box, painted) in enumerate(zip(self.boxes, self._painted, strict=True)):
-            if index != but:
-                np.bitwise_or(cells[box.sign], painted, out=cells[box.sign])
-        return cells[1], cells[-1]
+    @property
+    def added(self) -> Bits:
+        """Cells of the positives; not to be changed."""
+        return self._covers[1].any
+
+    @property
+    def removed(self) -> Bits:
+        """Cells of the negatives; not to be changed."""
+        return self._covers[-1].any
 
     def occupied(self) -> Bits:
         """Cells of the whole: in a positive and in no negative."""
-        added, removed = self.covered()
-        return added & ~removed
+        return self.added & ~self.removed
 
     def iou(self) -> float:
         """Intersection over union with the target, exactly within the grid.
@@ -185,28 +319,48 @@ class Assembly:
         The union has the positives' cells outside the grid too, each box's by itself, as
         `pnabs.geometry.fit.search.worth` counts them.
         """
-        cells = self.occupied()
-        hits = count(cells & self.target.near) + count(cells & self.target.far)
-        union = self.total + 2 * count(cells) + sum(self._stray) - hits
+        hits, cells = _agreement(self.target.near, self.target.far, self.added, self.removed)
+        union = self.total + 2 * cells + sum(self._stray) - hits
         return hits / union if union else 0.0
 
-    def field(self, sign: int, but: int = -1) -> Field:
-        """Where a box of that sign decides alone, one box left out."""
-        added, removed = self.covered(but)
-        return self._within(~(added | removed) if sign > 0 else added & ~removed)
+    def coverage(self) -> float:
+        """Share of the surface's points that are covered."""
+        if not len(self.target.points):
+            return 0.0
+        return float(np.mean((self._covers[1].points > 0) & (self._covers[-1].points == 0)))
 
-    def _within(self, free: Bits) -> Field:
+    def merit(self) -> float:
+        """What the boxes are chosen by: the IoU, and for points that are covered."""
+        return self.iou() + self.target.cover * self.coverage()
+
+    def field(self, sign: int) -> Field:
+        """What the boxes leave to one more of that sign."""
         target = self.target
-        return Field(target.near & free, target.far & free, free, target.low, target.room)
+        over, under = self._covers[1].points, self._covers[-1].points
+        chosen = (over == 0 if sign > 0 else over > 0) & (under == 0)
+        points = target.points[chosen]
+        weight = target.cover * self.total / max(len(target.points), 1)
+        return Field(
+            target.near,
+            target.far,
+            self.added,
+            self.removed,
+            target.low,
+            target.room,
+            points,
+            weight,
+            target.reach,
+        )
 
-    def gain(self, index: int, rate: float, *, sure: bool = False) -> float:
-        """What a box adds to the whole: its `worth` beside all others, by sure cells or all."""
+    def gain(self, index: int, rate: float) -> float:
+        """What a box adds to the whole: its `worth` beside all others."""
         box = self.boxes[index]
-        field = self.field(box.sign, index)
-        if sure:
-            field = self._within(field.free & self.target.sure)
+        self._stamp(box, add=False)
+        field = self.field(box.sign)
         folded = field.low > 0 and not box.centred
-        return float(worth(*box[:3], field, rate, box.sign, folded))
+        value = float(worth(*box[:3], field, rate, box.sign, folded))
+        self._stamp(box, add=True)
+        return value
 
     def refine(self, rate: float, step: float, least: float, fee: float) -> None:
         """Improve each box in turn that isn't at its best beside the others already.
@@ -225,57 +379,70 @@ class Assembly:
 
     def _improve(self, index: int, rate: float, step: float, least: float, fee: float) -> None:
         old = self.boxes[index]
-        field = self.field(old.sign, index)
-        new = old
+        self._stamp(old, add=False)
         if is_aligned(old.axes):
-            new, straight = self.searched(old, field, rate, step, least, turns=0)
-            turned, value = self.searched(new, field, rate, step, least)
+            new, straight = self.searched(old, rate, step, least, turns=0)
+            turned, value = self.searched(new, rate, step, least)
             if value > straight + fee:
                 new = turned
         else:
-            new, _ = self.searched(old, field, rate, step, least)
+            new, _ = self.searched(old, rate, step, least)
+        self._stamp(old, add=True)
         self.replace(index, new)
+
+    def improved(
+        self, index: int, start: Box, rate: float, step: float, least: float, *, turns: int = 3
+    ) -> tuple[Box, float]:
+        """What pattern search makes of another box in a box's place, and its worth."""
+        old = self.boxes[index]
+        self._stamp(old, add=False)
+        found = self.searched(start, rate, step, least, turns=turns)
+        self._stamp(old, add=True)
+        return found
 
     def replace(self, index: int, box: Box) -> None:
         """Put a box in another's place."""
         old = self.boxes[index]
         if all(np.array_equal(a, b) for a, b in zip(box[:3], old[:3], strict=True)):
             return
+        self._stamp(old, add=False)
+        self._stamp(box, add=True)
         self._unsettle(self._bounds[index])
         self.boxes[index] = box
-        self._painted[index] = self._paint(box)
         self._stray[index] = self._strays(box)
         self._bounds[index] = box.bounds()
         self._unsettle(self._bounds[index])
 
     def searched(
-        self,
-        box: Box,
-        field: Field,
-        rate: float,
-        step: float,
-        least: float,
-        *,
-        turns: int = 3,
+        self, box: Box, rate: float, step: float, least: float, *, turns: int = 3
     ) -> tuple[Box, float]:
-        """What pattern search makes of a box, and its worth."""
+        """What pattern search makes of one more box, and its worth."""
         new = box._replace(centre=box.centre.copy(), axes=box.axes.copy(), half=box.half.copy())
         turns = min(turns, 1) if box.centred else turns
+        field = self.field(box.sign)
         value = search(*new[:3], field, rate, box.sign, step, least, turns, box.centred)
         return new, float(value)
 
-    def _paint(self, box: Box) -> Bits:
-        bits = box.painted()
-        if self.target.low:
-            bits |= bits[::-1].copy()
-            bits[: self.target.low] = 0
-        return bits
+    def _stamp(self, box: Box, *, add: bool) -> None:
+        target, cover = self.target, self._covers[box.sign]
+        folded = target.low > 0 and not box.centred
+        _stamp(*box[:3], target.low, folded, cover.planes, cover.any, add)
+        _reach(
+            *box[:3],
+            target.points,
+            box.sign * target.reach,
+            2 * target.plane,
+            folded,
+            cover.points,
+            1 if add else -1,
+        )
 
     def _strays(self, box: Box) -> int:
         """The cells of a positive that lie outside the grid, counted as in `worth`."""
         if box.sign < 0:
             return 0
-        return int(stray(*box[:3], self.target.low > 0 and box.centred))
+        target = self.target
+        return int(stray(*box[:3], target.low > 0 and box.centred, target.side))
 
     def _unsettle(self, changed: Float64) -> None:
         """Boxes about the changed bounds may do better now."""
@@ -285,3 +452,17 @@ class Assembly:
         near = (low < changed[1] + _TOUCHING) & (high > changed[0] - _TOUCHING)
         for index in np.flatnonzero(near.all(axis=1)):
             self._settled[index] = np.inf
+
+
+@kernel
+def _agreement(near: Bits, far: Bits, added: Bits, removed: Bits) -> tuple[int, int]:
+    """Cells in both the boxes and either shape, and the boxes' cells."""
+    hits, cells = 0, 0
+    for x in range(near.shape[0]):
+        for y in range(near.shape[1]):
+            for w in range(near.shape[2]):
+                word = added[x, y, w] & ~removed[x, y, w]
+                if word:
+                    cells += ones(word)
+                    hits += ones(near[x, y, w] & word) + ones(far[x, y, w] & word)
+    return hits, cells

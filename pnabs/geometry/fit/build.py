@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import os
+
 import numpy as np
 
 from pnabs.geometry.fit.assembly import Assembly, Box, Target
 from pnabs.geometry.fit.seeds import proposal
-
-_STRIP = 0.75
-"""Half the side of a box that is more than a cell thick, in cells."""
-
 
 @dataclass(frozen=True, slots=True)
 class Effort:
@@ -55,6 +53,7 @@ class Terms:
 
     budget: int
     price: float
+    cover: float = 0.0
     positives: int | None = None
     negatives: int | None = None
 
@@ -159,9 +158,42 @@ def _exchanged(
     return assembly
 
 
+def polish(
+    assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator
+) -> Assembly:
+    tilt = terms.tilt * assembly.total
+    for step in (3.0, 1.5, 1.0):
+        assembly.refine(assembly.iou(), step, 0.5, tilt)
+    prune(assembly, terms, assembly.iou(), terms.budget)
+    assembly.refine(assembly.iou(), 1.0, 0.25, tilt)
+    return _fine(assembly, terms, int(os.environ.get("FINE", "6")), rng)
+
+
+def _fine(assembly: Assembly, terms: Terms, rounds: int, rng: np.random.Generator) -> Assembly:
+    effort = Effort()
+    tilt = terms.tilt * assembly.total
+    vain = 0
+    for attempt in range(rounds):
+        rate = assembly.iou()
+        trial = assembly.copy()
+        prune(trial, terms, rate, max(0, trial.size - 2 * (attempt % 3)))
+        trial.refine(rate, 2.0, 1.0, tilt)
+        grow(trial, terms, effort, rate, terms.budget, rng)
+        trial.refine(rate, 4.0, 1.0, tilt)
+        trial.refine(rate, 1.0, 0.5, tilt)
+        prune(trial, terms, rate, terms.budget)
+        vain += 1
+        if merit(trial, terms) > merit(assembly, terms):
+            assembly, vain = trial, 0
+        if vain == effort.patience:
+            break
+    assembly.refine(assembly.iou(), 1.0, 0.25, tilt)
+    return assembly
+
+
 def merit(assembly: Assembly, terms: Terms) -> float:
     """IoU less the price of the boxes."""
-    return assembly.iou() - terms.price * assembly.size
+    return assembly.merit() - terms.price * assembly.size
 
 
 def grow(
@@ -188,14 +220,6 @@ def grow(
         assembly.add(best[0])
 
 
-def is_strip(box: Box) -> bool:
-    """Whether a box is one cell thick: it may trace steps of the grid and not the shape.
-
-    Such a box must earn its price with cells that are not in doubt.
-    """
-    return bool(box.half.min() < _STRIP)
-
-
 def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
     """Take away the box that earns least, while there are too many or it isn't worth its price."""
     fee = terms.price * assembly.total
@@ -203,7 +227,7 @@ def prune(assembly: Assembly, terms: Terms, rate: float, size: int) -> None:
         spare = max(size - terms.budget, 0)
         over = [s for s in (1, -1) if assembly.size_of(s) > terms.most(s) + spare]
         gains = [
-            assembly.gain(index, rate, sure=is_strip(box)) / assembly.cost(box)
+            assembly.gain(index, rate) / assembly.cost(box)
             if not over or box.sign in over
             else np.inf
             for index, box in enumerate(assembly.boxes)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pnabs.geometry.fit.assembly import Box
-from pnabs.geometry.fit.box import MIDDLE, Room
+from pnabs.geometry.fit.search import Room
 from pnabs.geometry.types import Bool, Float64
 
 _SLACK = 1e-9
@@ -27,11 +27,14 @@ class Bounds(NamedTuple):
         No side of a box becomes shorter.
     tolerance : float
         How far corners may stand out along axes that aren't the box's own.
+    middle : float
+        The grid's centre, along each axis.
     """
 
     half: Float64
     least: float
     tolerance: float
+    middle: float
 
     def room(self) -> Room:
         """How far corners may be from the grid's centre along each axis."""
@@ -59,9 +62,9 @@ def contain(box: Box, bounds: Bounds) -> Box | None:
     Box or None
         The box itself if it is inside; None if it is beyond one of the bounds' sides.
     """
-    own = np.abs(box.axes).sum(axis=1) <= 1 + _SLACK
+    own, middle = np.abs(box.axes).sum(axis=1) <= 1 + _SLACK, bounds.middle
     limit = bounds.half + np.where(own, 0.0, bounds.tolerance)
-    low, high = box.bounds() - MIDDLE
+    low, high = box.bounds() - middle
     if np.all(low >= -limit - _SLACK) and np.all(high <= limit + _SLACK):
         return box
     if np.any(low >= limit + _SLACK) or np.any(high <= -limit - _SLACK):
@@ -72,25 +75,25 @@ def contain(box: Box, bounds: Bounds) -> Box | None:
     for axis in np.flatnonzero(own):
         k = np.argmax(np.abs(box.axes[axis]))
         half[k] = max((high[axis] - low[axis]) / 2, least[k])
-        centre[axis] = MIDDLE + (low[axis] + high[axis]) / 2
-    cut = _cut(box._replace(centre=centre, half=half), limit, least, own)
+        centre[axis] = middle + (low[axis] + high[axis]) / 2
+    cut = _cut(box._replace(centre=centre, half=half), middle, limit, least, own)
     spare = np.maximum(limit - np.abs(cut.axes) @ cut.half, 0.0)
-    centre = np.clip(cut.centre, MIDDLE - spare, MIDDLE + spare)
+    centre = np.clip(cut.centre, middle - spare, middle + spare)
     if box.centred:
-        centre[0] = MIDDLE
+        centre[0] = middle
     return cut._replace(centre=centre)
 
 
-def _cut(box: Box, limit: Float64, least: Float64, own: Bool) -> Box:
+def _cut(box: Box, middle: float, limit: Float64, least: Float64, own: Bool) -> Box:
     """The box without its ends beyond the limits along axes that aren't its own."""
-    centre, half = box.centre - MIDDLE, box.half
+    centre, half = box.centre - middle, box.half
     todo = np.array([~own, ~own])
     while True:
         over = np.array([centre, -centre]) + np.abs(box.axes) @ half - limit
         over[~todo] = 0.0
         end, axis = np.unravel_index(np.argmax(over), over.shape)
         if over[end, axis] <= _SLACK:
-            return box._replace(centre=centre + MIDDLE, half=half)
+            return box._replace(centre=centre + middle, half=half)
         outward = box.axes[axis] if end == 0 else -box.axes[axis]
         shorter = _shortened(np.abs(outward), half, least, float(over[end, axis]) / 2)
         centre = centre - box.axes @ (np.sign(outward) * (half - shorter))

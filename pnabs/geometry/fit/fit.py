@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from pnabs.geometry import cuboid, quaternion
 from pnabs.geometry.fit import tidy
-from pnabs.geometry.fit.assembly import ANYWHERE, PLANE, Assembly, Box, Target
-from pnabs.geometry.fit.bits import SIDE, Bits, count, pack, unpack
+from pnabs.geometry.fit.assembly import ANYWHERE, Assembly, Box, Target
+from pnabs.geometry.fit.bits import Bits, count, pack, unpack
 from pnabs.geometry.fit.box import is_aligned
-from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, is_strip
+from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, polish
 from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.levels import Unit, levels
 from pnabs.geometry.fit.search import LEAST_HALF
-from pnabs.geometry.fit.sure import sure_cells
+from pnabs.geometry.sampling import near_to
 from pnabs.geometry.kernel import compiling
 from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
 
-CELL = GRID_SIDE / SIDE
-"""Side of a cell in the normalised frame."""
+NEAR = 0.01
+"""Points of the surface this near to a box are covered, normalised frame."""
+
+POINTS = 600
+"""Points of the outer surface whose cover counts."""
 
 OVERLAP = 1e-3
 """By how much boxes that touch overlap, normalised frame."""
@@ -86,6 +91,7 @@ class Fitted:
 
 def fit(
     occupancy: Bool,
+    fine: Bool,
     surface: Float32,
     mirror: int,
     terms: Terms,
@@ -99,76 +105,39 @@ def fit(
     effort: Effort = _EFFORT,
     strict: bool = False,
 ) -> Fitted:
-    """Cover a shape with positives and negatives, few and in agreement with its solid.
-
-    Positives, those of coarser levels too, lie inside the shape's bounding box: along the grid
-    exactly, turned ones with corners at most `STANDS_OUT` outside it.  Only boxes that need
-    `min_side` to be as thick as that stand out further, by half of it at most.
-
-    Parameters
-    ----------
-    occupancy : (64, 64, 64) bool
-        The solid.
-    surface : (P, 6) float32
-        Samples of its surface with normals, normalised frame.
-    mirror : int
-        Axis across which the shape mirrors, or -1.
-    terms : Terms
-    rng : numpy.random.Generator
-    extent : (3,) float64
-        Sides of the shape's bounding box, which lies about the origin; normalised frame.
-    min_side : float
-        Boxes are cut down to the bounding box, but no side becomes shorter than this;
-        normalised frame.
-    start : (positives, negatives), optional
-        Boxes to begin with.
-    scattered : bool
-        Begin with none as well, and go on with what is better.  Always so without a start.
-    sizes : sequence of int
-        Numbers of boxes of coarser levels.
-    effort : Effort
-    strict : bool
-        Corners of turned positives stay inside the bounding box too, which costs agreement.
-
-    Returns
-    -------
-    Fitted
-        Without positives if no box is worth its price.
-    """
+    """TODO."""
     order = [(max(mirror, 0) + k) % 3 for k in range(3)]
-    bits = pack(occupancy.transpose(order))
-    points = (surface[:, :3].astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
+    coarse = _Grid.of(occupancy, order, extent, min_side, strict)
+    finer = _Grid.of(fine, order, extent, min_side, strict)
+    samples = surface[:, :3].astype(np.float64)[:, order]
     normals = surface[:, 3:].astype(np.float64)[:, order]
-    bounds = Bounds(
-        np.asarray(extent, dtype=np.float64)[order] / 2 / CELL,
-        min_side / CELL,
-        0.0 if strict else STANDS_OUT / CELL,
-    )
-    given = _to_boxes(start, order, bounds) if start else []
-    sure = pack(sure_cells(occupancy.transpose(order), points, normals))
+    outer = _outer(samples, occupancy.transpose(order))
+    given = _to_boxes(start, order, coarse) if start else []
     # Walls keep the search from what lies along them, so boxes are held to the bounds at its end.
-    room = bounds.room() if strict else ANYWHERE
-    whole = Target.whole(bits, sure, room)
-
-    if mirror >= 0 and _mirror_iou(bits) >= MIRROR_IOU:
-        half = build(
-            Target.folded(bits, sure, room),
-            _starts(bits, _paired(given), scattered=scattered, centred=True),
-            terms,
-            effort,
-            rng,
-        )
-        _tidy(half, bounds, terms, *tidy.folded(points, normals))
-        groups = [[box] if box.centred else [box, box.mirrored()] for box in half.boxes]
-        assembly = Assembly(whole, [box for group in groups for box in group])
+    whole = [one.target(outer, terms.cover, strict) for one in (coarse, finer)]
+    mirrored = mirror >= 0 and _mirror_iou(whole[0].near) >= MIRROR_IOU
+    targets = [one.folded() for one in whole] if mirrored else whole
+    if mirrored:
+        given = _paired(given, coarse.middle)
+    starts = _starts(whole[0].near, given, scattered=scattered, centred=mirrored)
+    rough = build(targets[0], starts, terms, effort, rng)
+    factor = finer.side / coarse.side
+    assembly = Assembly(targets[1], [box.scaled(factor) for box in rough.boxes])
+    assembly = polish(assembly, terms, effort, rng)
+    points = finer.places(samples)
+    if mirrored:
+        _tidy(assembly, finer.bounds, terms, *tidy.folded(points, normals, finer.middle))
+        plane = finer.middle
+        groups = [
+            [box] if box.centred else [box, box.mirrored(plane)] for box in assembly.boxes
+        ]
+        assembly = Assembly(whole[1], [box for group in groups for box in group])
         _complete(assembly, terms, effort, rng)
         groups += [[box] for box in assembly.boxes[sum(map(len, groups)) :]]
     else:
-        assembly = build(
-            whole, _starts(bits, given, scattered=scattered, centred=False), terms, effort, rng
-        )
-        _tidy(assembly, bounds, terms, points, normals)
+        _tidy(assembly, finer.bounds, terms, points, normals)
         groups = [[box] for box in assembly.boxes]
+    bounds = finer.bounds
     groups = [group for group in groups if _contained(group, bounds)]
     groups.sort(key=lambda group: -group[0].sign)
 
@@ -179,22 +148,69 @@ def fit(
     ]
     boxes = [box for group in groups for box in group]
     return Fitted(
-        *_to_cuboids([_contained(unit.boxes, bounds) for unit in units], order),
+        *_to_cuboids([_contained(unit.boxes, bounds) for unit in units], order, finer),
         pairs=sum(len(group) == 2 for group in groups),
         centred=sum(box.centred for box in boxes),
         aligned=sum(bool(is_aligned(box.axes)) for box in boxes),
         coarser={
-            size: _level(level.units, bounds, order)
-            for size, level in levels(whole, units, sizes).items()
+            size: _level(level.units, finer, order)
+            for size, level in levels(whole[1], units, sizes).items()
         },
     )
 
 
-def _level(units: Sequence[Unit], bounds: Bounds, order: list[int]) -> FittedLevel:
+class _Grid(NamedTuple):
+    """A grid of the shape, its axes in the order of the fit."""
+
+    bits: Bits
+    side: int
+    bounds: Bounds
+
+    @classmethod
+    def of(
+        cls, occupancy: Bool, order: list[int], extent: Float64, min_side: float, strict: bool
+    ) -> _Grid:
+        side = len(occupancy)
+        cell = GRID_SIDE / side
+        half = np.asarray(extent, dtype=np.float64)[order] / 2 / cell
+        tolerance = 0.0 if strict else STANDS_OUT / cell
+        bounds = Bounds(half, min_side / cell, tolerance, (side - 1) / 2)
+        return cls(pack(occupancy.transpose(order)), side, bounds)
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell in the normalised frame."""
+        return GRID_SIDE / self.side
+
+    @property
+    def middle(self) -> float:
+        """The grid's centre, along each axis."""
+        return (self.side - 1) / 2
+
+    def places(self, points: Float64) -> Float64:
+        """Points of the normalised frame, in cells."""
+        return (points + GRID_SIDE / 2) / self.cell - 0.5
+
+    def target(self, outer: Float64, cover: float, strict: bool) -> Target:
+        """The shape on this grid, with points of its outer surface."""
+        room = self.bounds.room() if strict else ANYWHERE
+        return Target.whole(self.bits, self.places(outer), cover, NEAR / self.cell, room)
+
+
+def _outer(points: Float64, occupancy: Bool) -> Float64:
+    """Some of the points that lie on the outer surface."""
+    labels, _ = ndimage.label(~occupancy)
+    outside = labels == labels[0, 0, 0]
+    kept = np.flatnonzero(near_to(points, outside))[:POINTS]
+    kept = kept if len(kept) else np.arange(min(len(points), POINTS))
+    return points[kept]
+
+
+def _level(units: Sequence[Unit], grid: _Grid, order: list[int]) -> FittedLevel:
     """A level's boxes inside the bounds."""
-    kept = [(unit, group) for unit in units if (group := _contained(unit.boxes, bounds))]
+    kept = [(unit, group) for unit in units if (group := _contained(unit.boxes, grid.bounds))]
     origins = [origin for unit, _ in kept for origin in unit.origins]
-    return FittedLevel(*_to_cuboids([group for _, group in kept], order), origins)
+    return FittedLevel(*_to_cuboids([group for _, group in kept], order, grid), origins)
 
 
 def _contained(group: list[Box], bounds: Bounds) -> list[Box]:
@@ -207,7 +223,7 @@ def _contained(group: list[Box], bounds: Bounds) -> list[Box]:
     box = contain(group[0], bounds)
     if box is None:
         return []
-    return [box, box.mirrored()] if len(group) == 2 else [box]
+    return [box, box.mirrored(bounds.middle)] if len(group) == 2 else [box]
 
 
 def _mirror_iou(bits: Bits) -> float:
@@ -222,10 +238,10 @@ def _tidy(
     tilt = terms.tilt * assembly.total
     tidy.straighten(assembly, rate, tilt)
     tidy.settle(assembly, points, normals, rate, fee)
-    tidy.join(assembly, rate, fee, OVERLAP / CELL)
+    tidy.join(assembly, rate, fee, OVERLAP / GRID_SIDE * assembly.target.side)
     if tidy.hold(assembly, bounds, tilt):
         tidy.settle(assembly, points, normals, rate, fee)
-        tidy.join(assembly, rate, fee, OVERLAP / CELL)
+        tidy.join(assembly, rate, fee, OVERLAP / GRID_SIDE * assembly.target.side)
     tidy.open_out(assembly, rate)
 
 
@@ -234,8 +250,7 @@ def _complete(assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.G
     before, rate = len(assembly), assembly.iou()
     grow(assembly, terms, effort, rate, terms.budget, rng)
     for index in reversed(range(before, len(assembly))):
-        box = assembly.boxes[index]
-        if assembly.gain(index, rate, sure=is_strip(box)) < terms.price * assembly.total:
+        if assembly.gain(index, rate) < terms.price * assembly.total:
             assembly.remove(index)
 
 
@@ -248,7 +263,7 @@ def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> 
     low, high = (cells.min(axis=0), cells.max(axis=0)) if len(cells) else np.zeros((2, 3))
     middle = (low + high) / 2
     if centred:
-        middle[0] = PLANE
+        middle[0] = (bits.shape[0] - 1) / 2
     half = np.maximum(high - middle, middle - low) + 0.5
     filled = len(cells) / (2 * half).prod()
     if _EMPTIEST <= filled < 1:
@@ -258,45 +273,50 @@ def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> 
     return starts
 
 
-def _to_boxes(start: tuple[Cuboids, Cuboids], order: list[int], bounds: Bounds) -> list[Box]:
+def _to_boxes(
+    start: tuple[Cuboids, Cuboids], order: list[int], grid: _Grid
+) -> list[Box]:
     """Boxes at least a cell thick, positives inside the bounds."""
-    bounds = bounds._replace(least=2 * LEAST_HALF)
+    bounds = grid.bounds._replace(least=2 * LEAST_HALF)
     boxes: list[Box] = []
     for sign, cuboids in zip((1, -1), start, strict=True):
         axes = cuboid.rotation_matrices(cuboids)[:, order][:, :, order]
-        half = np.maximum(cuboids.scale.astype(np.float64)[:, order] / 2 / CELL, LEAST_HALF)
-        centre = (cuboids.translation.astype(np.float64)[:, order] + GRID_SIDE / 2) / CELL - 0.5
+        half = cuboids.scale.astype(np.float64)[:, order] / 2 / grid.cell
+        half = np.maximum(half, LEAST_HALF)
+        centre = grid.places(cuboids.translation.astype(np.float64)[:, order])
         for parts in zip(centre, axes, half, strict=True):
             boxes += _contained([Box(*parts, sign)], bounds)
     return boxes
 
 
-def _paired(boxes: list[Box]) -> list[Box]:
+def _paired(boxes: list[Box], plane: float) -> list[Box]:
     """Boxes for a folded shape: those about the plane centred, others on its upper side."""
     found = []
     for box in boxes:
-        low, high = box.bounds()[:, 0] - PLANE
-        if box.centre[0] < PLANE:
-            box, low, high = box.mirrored(), -high, -low
+        low, high = box.bounds()[:, 0] - plane
+        if box.centre[0] < plane:
+            box, low, high = box.mirrored(plane), -high, -low
         if -low > high / 2:
             straight = tidy.along(box, 0)
-            centre = np.array([PLANE, *box.centre[1:]])
+            centre = np.array([plane, *box.centre[1:]])
             half = np.array([high, *straight.half[1:]])
             box = straight._replace(centre=centre, half=half, centred=True)
         found.append(box)
     return found
 
 
-def _to_cuboids(groups: Sequence[list[Box]], order: list[int]) -> tuple[Cuboids, Cuboids]:
+def _to_cuboids(
+    groups: Sequence[list[Box]], order: list[int], grid: _Grid
+) -> tuple[Cuboids, Cuboids]:
     """Positives and negatives; the second of a pair mirrors the first to the last bit."""
     if not groups:
         return Cuboids.empty(), Cuboids.empty()
     boxes = [group[0] for group in groups]
     back = np.argsort(order)
-    scale = np.array([2 * box.half for box in boxes])[:, back] * CELL
+    scale = np.array([2 * box.half for box in boxes])[:, back] * grid.cell
     # own axes are put in another order too, so that a box along the grid's has no rotation
     axes = np.array([box.axes for box in boxes])[:, back][:, :, back]
-    centre = (np.array([box.centre for box in boxes])[:, back] + 0.5) * CELL - GRID_SIDE / 2
+    centre = (np.array([box.centre for box in boxes])[:, back] + 0.5) * grid.cell - GRID_SIDE / 2
     rotation = Rotation.from_matrix(axes).as_quat(scalar_first=True)
     one = Cuboids.from_vector(np.concatenate([scale, rotation, centre], axis=1))
 
@@ -316,11 +336,14 @@ def warm_up() -> None:
 
     Call it once before processes are forked, so that each doesn't compile for itself.
     """
-    x, y, z = np.indices((SIDE, SIDE, SIDE))
-    wedge = (abs(x - PLANE) < 12) & (y >= 20) & (z >= 20) & (y + z < 60)
+    def wedge(side: int) -> Bool:
+        x, y, z = np.indices((side, side, side)) / side
+        return np.asarray((abs(x - 0.5) < 0.2) & (y >= 0.3) & (z >= 0.3) & (y + z < 0.95))
+
     with compiling():
         fit(
-            wedge,
+            wedge(64),
+            wedge(192),
             np.zeros((1, 6), np.float32),
             0,
             Terms(2, 0.01),

@@ -7,15 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pnabs.geometry.fit.assembly import PLANE, Assembly, Box
-from pnabs.geometry.fit.bits import Bits, cell_at, cells_near, count, eroded
+from pnabs.geometry.fit.assembly import Assembly, Box, Target
+from pnabs.geometry.fit.bits import WORD, Bits, cell_at, cells_near, count, eroded
 from pnabs.geometry.fit.box import is_aligned
 from pnabs.geometry.kernel import kernel
 from pnabs.geometry.types import Float64, Int64
 
-_STEP = 4.0
-"""First step of the growth, in cells."""
-_LEAST = 0.5
+_STEP, _LEAST = 4.0, 1.0
+"""First and last step of the growth, in cells of a grid of 64^3."""
 _FEW = 4
 """With fewer cells around a seed there is no direction to take."""
 
@@ -54,6 +53,7 @@ def proposal(
         None if no box is worth its fee.
     """
     target = assembly.target
+    scale = target.side / WORD
     occupied = assembly.occupied()
     if sign > 0:
         wrong = (target.near | target.far) & ~occupied
@@ -61,19 +61,20 @@ def proposal(
         wrong = occupied & ~(target.near & target.far)
     if not count(wrong):
         return None
-    field = assembly.field(sign)
     best: tuple[Box, float] | None = None
-    for cell, depth in _seeds(wrong, target.low, tries, rng):
-        for start in _starts(wrong, cell, depth, sign, mirrored=target.low > 0):
-            if assembly.cost(start) > room:
-                continue
-            straight = is_aligned(start.axes)
-            box, value = assembly.searched(
-                start, field, rate, _STEP, _LEAST, turns=0 if straight else 3
-            )
-            value -= fee * assembly.cost(box) + (0 if straight else turning_fee)
-            if value > (best[1] if best else 0.0):
-                best = box, value
+    starts = [
+        start
+        for cell, depth in _seeds(wrong, target.low, tries, rng)
+        for start in _starts(wrong, cell, depth, sign, target)
+    ]
+    for start in starts:
+        if assembly.cost(start) > room:
+            continue
+        straight = is_aligned(start.axes)
+        box, value = assembly.searched(start, rate, _STEP * scale, _LEAST * scale, turns=0 if straight else 3)
+        value -= fee * assembly.cost(box) + (0 if straight else turning_fee)
+        if value > (best[1] if best else 0.0):
+            best = box, value
     return best
 
 
@@ -92,15 +93,15 @@ def _seeds(
         yield cell_at(layers[depth], rank), depth
 
 
-def _starts(wrong: Bits, cell: Int64, depth: int, sign: int, *, mirrored: bool) -> Iterator[Box]:
+def _starts(wrong: Bits, cell: Int64, depth: int, sign: int, target: Target) -> Iterator[Box]:
     """Boxes to grow at a cell: along the grid, and along what lies around it."""
     centre = cell.astype(np.float64)
     half = np.full(3, depth + 0.5)
     yield Box(centre, np.eye(3), half, sign)
-    offsets = cells_near(wrong, cell, 5 + 2 * depth)
-    if mirrored:
-        middle = np.array([PLANE, centre[1], centre[2]])
-        wide = np.array([centre[0] - PLANE + half[0], half[1], half[2]])
+    offsets = cells_near(wrong, cell, 5 * target.side // WORD + 2 * depth)
+    if target.low:
+        middle = np.array([target.plane, centre[1], centre[2]])
+        wide = np.array([centre[0] - target.plane + half[0], half[1], half[2]])
         yield Box(middle, np.eye(3), wide, sign, centred=True)
     if len(offsets) >= _FEW:
         mean, axes, half = _principal(offsets)

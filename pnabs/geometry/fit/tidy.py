@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pnabs.geometry.fit.assembly import PLANE, Assembly, Box
+from pnabs.geometry.fit.assembly import Assembly, Box
 from pnabs.geometry.fit.box import is_aligned, outside
 from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.search import LEAST_HALF
-from pnabs.geometry.types import Bool, Float64
+from pnabs.geometry.types import Float64
 
 _NEARLY = 0.5
 """Sides of two boxes that are nearer than so many cells are meant to be flush."""
@@ -50,16 +50,15 @@ def straighten(assembly: Assembly, rate: float, fee: float) -> None:
         if is_aligned(box.axes):
             assembly.replace(index, _in_frame(box, np.eye(3)))
             continue
-        field = assembly.field(box.sign, index)
         least = assembly.gain(index, rate) - fee
         for start, turns in _straighter(box, frames):
-            straight, value = assembly.searched(start, field, rate, 2.0, 0.25, turns=turns)
+            straight, value = assembly.improved(index, start, rate, 2.0, 0.25, turns=turns)
             if value >= least:
                 assembly.replace(index, straight)
                 break
         axes = assembly.boxes[index].axes
         if not any(_apart(axes, frame) < _SAME_FRAME for frame in frames):
-            frames += [axes, assembly.boxes[index].mirrored().axes]
+            frames += [axes, assembly.boxes[index].mirrored(assembly.target.plane).axes]
 
 
 def _straighter(box: Box, frames: list[Float64]) -> Iterator[tuple[Box, int]]:
@@ -124,7 +123,7 @@ def hold(assembly: Assembly, bounds: Bounds, tilt: float) -> bool:
     assembly.target = assembly.target._replace(room=bounds.room())
     cut = False
     for index, box in enumerate(assembly.boxes):
-        if box.sign > 0 and outside(*box[:3], assembly.target.room)[0] > 0:
+        if box.sign > 0 and outside(*box[:3], assembly.target.room, assembly.target.side)[0] > 0:
             # along its own axes a box may be a cell too thick, here as in the search
             own = np.abs(box.axes).sum(axis=1) <= 1 + 1e-9
             wide = bounds._replace(half=np.where(own, np.inf, bounds.half), least=2 * LEAST_HALF)
@@ -246,10 +245,10 @@ def _accept(assembly: Assembly, index: int, box: Box, rate: float, fee: float) -
         assembly.replace(index, old)
 
 
-def folded(points: Float64, normals: Float64) -> tuple[Float64, Float64]:
-    """Surface samples with those of the lower half mirrored into the upper one."""
-    lower: Bool = points[:, 0] < PLANE
+def folded(points: Float64, normals: Float64, plane: float) -> tuple[Float64, Float64]:
+    """Surface samples with those below the plane mirrored in it."""
+    lower = points[:, 0] < plane
     points, normals = points.copy(), normals.copy()
-    points[lower, 0] = 2 * PLANE - points[lower, 0]
+    points[lower, 0] = 2 * plane - points[lower, 0]
     normals[lower, 0] *= -1
     return points, normals
