@@ -37,7 +37,7 @@ from pnabs.stages.stored import StoredShard
 from pnabs.store.run import RunFolder
 
 OPTIONS = Abstract()
-PRICE = OPTIONS.price
+PRICE = OPTIONS.min_gain
 Pair = tuple[Cuboids, Cuboids]
 
 

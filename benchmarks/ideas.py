@@ -69,7 +69,7 @@ def fitted_boxes(shapes: list[Shape], boxes: int) -> np.ndarray:
     """At most so many positives that the fit finds for each shape, (n, boxes, 10) float32."""
     out = np.zeros((len(shapes), boxes, geometry.PARAMETERS), np.float32)
     out[..., 3] = 1
-    terms = Terms(boxes, settings.Abstract().price, negatives=0)
+    terms = Terms(boxes, settings.Abstract().min_gain, negatives=0)
     for row, shape in enumerate(shapes):
         rng = np.random.default_rng(row)
         found = fit(shape.occupancy_64, shape.surface, shape.mirror, terms, rng).positives

@@ -64,7 +64,7 @@ class Trial:
     Attributes
     ----------
     data : {"corpus", "samples", "both"}
-    begin : {"nothing", "shipped"}
+    init_from : {"nothing", "shipped"}
         Weights that the phase begins from.
     after : str
         The trial whose network is refined; `shipped` for those weights.
@@ -87,7 +87,7 @@ class Trial:
     losses: Mapping[str, float] = field(default_factory=dict)
     positives: int = 12
     data: str = "corpus"
-    begin: str = "nothing"
+    init_from: str = "nothing"
     after: str = "default"
     category: str | None = None
     turned: bool = False
@@ -120,10 +120,10 @@ TRIALS: dict[str, Trial] = {
     "samples": Trial("2,000 samples in place of the corpus", data="samples"),
     "both": Trial("the samples and the corpus together", data="both"),
     "both, turned": Trial("... with turns and stretches", data="both", turned=True),
-    "from shipped": Trial("the corpus, from the shipped weights", begin="shipped"),
-    "from shipped, turned": Trial("... with turns and stretches", begin="shipped", turned=True),
+    "from shipped": Trial("the corpus, from the shipped weights", init_from="shipped"),
+    "from shipped, turned": Trial("... with turns and stretches", init_from="shipped", turned=True),
     "from shipped, rate 0.0003": Trial(
-        "... slower", begin="shipped", turned=True, training={"learning_rate": 0.0003}
+        "... slower", init_from="shipped", turned=True, training={"learning_rate": 0.0003}
     ),
     "four times as long": Trial("5,760 steps", steps=4.0),
     "gated": Trial("existence apart from size: a gate a box", gated=True),
@@ -153,14 +153,14 @@ TRIALS: dict[str, Trial] = {
     "refined, turned": Trial("15 degrees, 20 per cent", phase="refinement", turned=True),
     "winners": Trial(
         "from shipped, turned, 4,096 cells",
-        begin="shipped",
+        init_from="shipped",
         turned=True,
         training={"occupancy_samples": 4096},
     ),
     "winners, refined": Trial(
         "`winners`, refined alike",
         phase="refinement",
-        begin="shipped",
+        init_from="shipped",
         after="winners",
         turned=True,
         training={"occupancy_samples": 4096},
@@ -168,7 +168,7 @@ TRIALS: dict[str, Trial] = {
     "shipped, refined": Trial(
         "the shipped weights, refinement alone trained on",
         phase="refinement",
-        begin="shipped",
+        init_from="shipped",
         after="shipped",
         turned=True,
         training={"occupancy_samples": 4096},
@@ -259,13 +259,13 @@ def begun(trial: Trial, options: settings.Network, data: TrainingSet, kept: Path
         if shipped:
             return first
         network = CuboidNetwork(first.count, options, first.start)
-        if trial.begin == "shipped":
+        if trial.init_from == "shipped":
             network = load_network(SHIPPED)
         network.initial_encoder.load_state_dict(first.initial_encoder.state_dict())
         network.initial_decoder.load_state_dict(first.initial_decoder.state_dict())
         network.inherit_encoder()
         return network
-    if trial.begin == "shipped":
+    if trial.init_from == "shipped":
         return load_network(SHIPPED)
     start = start_points(data.mean_occupancy(), trial.positives, options.start)
     kind = GatedNetwork if trial.gated else CuboidNetwork

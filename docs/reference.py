@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from pnabs import settings
 from pnabs.formats.json_format import schema
+from pnabs.renamed import RENAMED
 from pnabs.stages.plan import VERSIONS, recipe_digest
 from pnabs.stages.presets import PRESETS
 
@@ -29,8 +30,9 @@ HEAD = """\
 
 <!-- Written by docs/reference.py from pnabs/settings.py; run it again rather than edit. -->
 
-Every setting there is, as `pnabs.settings` declares them; nothing else is accepted in a job file.
-How job files, presets, variants and `--set` work is told in [Job files](jobs.md).
+Every setting there is, as `pnabs.settings` declares them; nothing else is accepted in a job file
+but the [old names](#old-names) of some. How job files, presets, variants and `--set` work is told
+in [Job files](jobs.md).
 
 *Redoes* names the stages whose results depend on a setting: in a run that exists already, a
 changed value is refused, and with `--accept-changes` those stages are done again (see
@@ -59,6 +61,13 @@ stay in it. See [Datasets](datasets.md).
 PRESET_NOTE = """\
 A preset's values stand below those of the job file and of `--set`. `best` is the defaults
 themselves; `paper` changes these:
+"""
+
+
+OLD_NAMES = """\
+These are still read, in job files, variants, `--set` and the library's `settings`, with a warning
+that tells the new name. Both names of a setting at once are an error. Run folders hold new names
+alone.
 """
 
 
@@ -92,6 +101,8 @@ def render() -> str:
         parts.append("\n".join(rows) + "\n")
     paper = yaml.safe_dump(PRESETS["paper"], sort_keys=False, default_flow_style=None)
     parts.append(f"## Presets\n\n{PRESET_NOTE}\n```yaml\n{paper}```\n")
+    names = [f"| `{old}` | `{new}` |\n" for old, new in RENAMED.items()]
+    parts.append(f"## Old names\n\n{OLD_NAMES}\n| Old | New |\n| --- | --- |\n{''.join(names)}")
     return "\n".join(parts)
 
 

@@ -151,7 +151,7 @@ def run(
     reporter = Reporter()
     _check_keep(accept_changes, keep_weights)
     with _errors():
-        loaded = load_job(job, _overrides(overrides, limit, boxes, levels), out)
+        loaded = load_job(job, _overrides(overrides, limit, boxes, levels), out, reporter.say)
         options = Options(
             address=address,
             stages=_stages(stages),
@@ -235,11 +235,13 @@ def submit(
     The dataset and the run folder must lie on storage that all nodes share.
     """
     from pnabs.stages.job import load_job
+    from pnabs.stages.progress import Reporter
     from pnabs.stages.submit import submit as send
 
     _check_keep(accept_changes, keep_weights)
     with _errors():
-        loaded = load_job(job, _overrides(overrides, limit, boxes, levels), out)
+        say = Reporter().say
+        loaded = load_job(job, _overrides(overrides, limit, boxes, levels), out, say)
         _stages(stages)
         arguments = ["--stages", stages] if stages else []
         for category in categories:
@@ -374,16 +376,18 @@ def abstract(
     overrides = _overrides(overrides, None, boxes, levels)
     if max_failed is not None:
         overrides = (*overrides, f"runtime.max_failed={max_failed}")
+    reporter = Reporter()
     with _errors():
         found = find_files(meshes, out)
-        job = files_job(found, out, weights, seed, formats or ("glb",), overrides)
+        say = reporter.say
+        job = files_job(found, out, weights, seed, formats or ("glb",), overrides, say)
         summary = abstract_files(
             found,
             job,
             jobs=jobs or len(os.sched_getaffinity(0)),
             retry=retry,
             command=shlex.join(["pnabs", *sys.argv[1:]]),
-            reporter=Reporter(),
+            reporter=reporter,
         )
         text = summary.text
     click.echo(text, nl=False)

@@ -20,6 +20,7 @@ from pnabs.formats import Abstraction, from_json
 from pnabs.geometry.load import InvalidMeshError, parse_mesh, validate
 from pnabs.geometry.types import Mesh
 from pnabs.pipeline import Abstractor
+from pnabs.renamed import warned
 from pnabs.settings import Settings
 
 if TYPE_CHECKING:
@@ -62,11 +63,13 @@ def abstract(
         When the file holds no usable mesh.
     pydantic.ValidationError
         When a setting is unknown or wrong.
+    pnabs.renamed.BothNamesError
+        When a setting is given by its old name and by its new one.
     pnabs.model.checkpoint.CheckpointError
         When the weights can't be read.
     """
     tree = {"dataset": {"root": ".", "layout": "folder"}, "out": "."}
-    job = Settings.model_validate({**(settings or {}), **tree, "weights": weights, "seed": seed})
+    job = Settings.model_validate({**warned(settings), **tree, "weights": weights, "seed": seed})
     name = Path(mesh).stem if isinstance(mesh, str | Path) else "mesh"
     found = _mesh(mesh, job)
     validate(found, job.ingest.limits)

@@ -286,7 +286,7 @@ def _fitted(
         shape.occupancy_64,
         shape.surface,
         shape.mirror,
-        Terms(options.boxes, options.price, negatives=None if options.negatives else 0),
+        Terms(options.boxes, options.min_gain, negatives=None if options.negatives else 0),
         rng,
         extent=shape.extent,
         min_side=options.min_side,

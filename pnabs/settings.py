@@ -193,7 +193,7 @@ class LossWeights(Group):
 class Training(Group):
     """The four phases: initial and refinement, of the positive and then the negative module."""
 
-    begin: Annotated[Path | Literal["shipped"] | None, BeforeValidator(_weights)] = None
+    init_from: Annotated[Path | Literal["shipped"] | None, BeforeValidator(_weights)] = None
     """Trained weights that both modules begin with: a folder, or `shipped` for those that come with
     pnabs. `network` must be as theirs, but for `start`, which comes with them. Where `weights` are
     given nothing is trained, and this isn't looked at."""
@@ -238,11 +238,11 @@ class Training(Group):
     workers: PositiveInt = 1
     """Data-parallel training processes; at most `batch_size`."""
 
-    def begin_weights(self, module: str) -> Path | None:
+    def init_weights(self, module: str) -> Path | None:
         """The file of a module's weights to begin with; None to begin with nothing."""
-        if self.begin is None:
+        if self.init_from is None:
             return None
-        folder = SHIPPED_WEIGHTS if self.begin == "shipped" else self.begin
+        folder = SHIPPED_WEIGHTS if self.init_from == "shipped" else self.init_from
         return folder / f"{module}.safetensors"
 
 
@@ -262,11 +262,11 @@ class Abstract(Group):
     """Crop with negatives at all."""
     fit: bool = True
     """Fit the boxes to each shape: improve, add, take away and exchange them until they agree with
-    its solid as well as `boxes` and `price` allow (off = the paper, what the networks say)."""
+    its solid as well as `boxes` and `min_gain` allow (off = the paper, what the networks say)."""
     boxes: PositiveInt = 20
     """Boxes at most that the fit may use, negatives included."""
-    price: Share = 0.004
-    """IoU that a box must add to be kept by the fit."""
+    min_gain: Share = 0.004
+    """Gain in agreement that a box must add to be kept by the fit."""
     start: Literal["best", "networks", "scattered"] = "best"
     """What the fit begins with: the networks' boxes, none (boxes are then scattered where the shape
     is thickest), or both, of which the better is gone on with."""

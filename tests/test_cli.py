@@ -76,6 +76,26 @@ def test_wrong_usage_ends_with_2(job: Path, arguments: list[str], says: str) -> 
     assert result.stdout == ""
 
 
+def test_old_names_of_settings_are_told_on_stderr(job: Path, tmp_path: Path) -> None:
+    job.write_text(job.read_text() + "abstract: {price: 0.01}\n")
+    override = "training.begin=shipped"
+    for more in (["--dry-run"], ["--stages", "scan"]):
+        result = invoke("run", str(job), "--set", override, *more)
+        assert result.exit_code == 0, result.output
+        assert [line for line in result.stderr.splitlines() if "now; rename it" in line] == [
+            f"{job}, line 3: abstract.price is called abstract.min_gain now; rename it",
+            f"--set {override}: training.begin is called training.init_from now; rename it",
+        ]
+        assert "rename" not in result.stdout
+    stored = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert stored["settings"]["abstract"]["min_gain"] == 0.01
+    assert "price" not in stored["settings"]["abstract"]
+    assert set(stored["weights"]) == {"main/init_from/positive", "main/init_from/negative"}
+    result = invoke("run", str(job), "--set", "abstract.min_gain=0.01", "--set", "abstract.price=1")
+    assert result.exit_code == 2
+    assert "abstract.price is called abstract.min_gain now, which is given too" in result.stderr
+
+
 def test_dry_run_tells_and_writes_nothing(job: Path, tmp_path: Path) -> None:
     result = invoke("run", str(job), "--dry-run")
     assert result.exit_code == 0, result.output

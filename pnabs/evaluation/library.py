@@ -32,6 +32,7 @@ from pnabs.geometry.load import InvalidMeshError, parse_mesh, validate
 from pnabs.geometry.reference import Reference
 from pnabs.geometry.types import Cuboids, Float64, Mesh
 from pnabs.pipeline import model_rng
+from pnabs.renamed import warned
 from pnabs.stages.progress import Reporter
 from pnabs.stages.trees import at, dotted
 
@@ -182,9 +183,11 @@ def score(
         When an abstraction.json is something else.
     pydantic.ValidationError
         When a setting is unknown or wrong.
+    pnabs.renamed.BothNamesError
+        When a setting is given by its old name and by its new one.
     """
     tree = {"dataset": {"root": ".", "layout": "folder"}, "out": ".", "seed": seed}
-    job = schema.Settings.model_validate({**(settings or {}), **tree})
+    job = schema.Settings.model_validate({**warned(settings), **tree})
     limits = job.ingest.limits
     rng = model_rng(job.seed, "ingest")
     fields = compute_fields(_mesh(shape, limits), job.ingest, "folder", rng)

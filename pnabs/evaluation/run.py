@@ -125,7 +125,7 @@ def run(request: Request, reporter: Reporter) -> Evaluation:
         with interrupts.at_once("it looked at what is there"):
             shapes = find_shapes(request.shapes, request.choice, request.out)
             results = _results(request, shapes)
-            job = _job(request, shapes)
+            job = _job(request, shapes, reporter)
             measuring = _measuring(request, shapes, job)
             plan = Plan.of(shapes.entries, results, measuring)
         token = stack.enter_context(held(request.out / HIDDEN))
@@ -182,7 +182,7 @@ def _results(request: Request, shapes: Shapes) -> list[Results]:
     ]
 
 
-def _job(request: Request, shapes: Shapes) -> Settings:
+def _job(request: Request, shapes: Shapes, reporter: Reporter) -> Settings:
     """The settings that rows depend on, and how work is done."""
     stored = shapes.run
     for override in request.overrides:
@@ -204,7 +204,7 @@ def _job(request: Request, shapes: Shapes) -> Settings:
     if request.seed is not None:
         tree["seed"] = request.seed
     job = Job(Settings.model_validate(tree), {}, Path("pnabs evaluate"))
-    return with_overrides(job, request.overrides).settings
+    return with_overrides(job, request.overrides, reporter.say).settings
 
 
 def _measuring(request: Request, shapes: Shapes, job: Settings) -> Measuring:

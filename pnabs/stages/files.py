@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -101,8 +101,14 @@ def files_job(
     seed: int,
     formats: Sequence[str],
     overrides: Sequence[str],
+    say: Callable[[str], None],
 ) -> Job:
     """The settings of the command as a job.
+
+    Parameters
+    ----------
+    say
+        Takes warnings about overrides.
 
     Raises
     ------
@@ -120,7 +126,7 @@ def files_job(
         if override.partition(".")[0] not in SETTABLE:
             raise JobError(f"--set {override}: only settings of {', '.join(SETTABLE)} matter here")
     job = Job(Settings.model_validate(tree), {}, Path("pnabs abstract"))
-    job = with_overrides(job, overrides)
+    job = with_overrides(job, overrides, say)
     if "json" not in job.settings.abstract.formats:
         raise JobError("--set abstract.formats: json must be among them; or use --format")
     return job

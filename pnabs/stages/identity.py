@@ -75,8 +75,8 @@ def check_identity(identity: dict[str, Any] | None, job: Settings, *, accept: bo
 def given_weights(job: Job) -> dict[str, str]:
     """Digests of the weights that a job gives: path in the run folder's terms -> SHA-256.
 
-    `<variant>/<module>` are those it predicts with, `<variant>/begin/<module>` those that training
-    begins with.
+    `<variant>/<module>` are those it predicts with, `<variant>/init_from/<module>` those that
+    training begins with.
     """
     given = {}
     for name, settings in job.variants().items():
@@ -84,8 +84,8 @@ def given_weights(job: Job) -> dict[str, str]:
         for module in MODULES[: 1 + settings.abstract.negatives]:
             if folder is not None:
                 key, path = f"{name}/{module}", folder / f"{module}.safetensors"
-            elif (begin := settings.training.begin_weights(module)) is not None:
-                key, path = f"{name}/begin/{module}", begin
+            elif (init := settings.training.init_weights(module)) is not None:
+                key, path = f"{name}/init_from/{module}", init
             else:
                 continue
             if path.is_file():

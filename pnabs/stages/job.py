@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from pnabs.renamed import BothNamesError, Renaming, with_new_names
 from pnabs.settings import Settings
 from pnabs.stages.presets import PRESETS, written_out
 from pnabs.stages.trees import assign, dotted, flattened, leaves, merge
+
+_T = TypeVar("_T")
 
 _SHARED = ("dataset", "ingest", "out", "seed", "preset", "runtime", "report", "variants")
 """Settings that no variant may give."""
@@ -76,8 +80,22 @@ class Job:
         return _absolute(_validate(tree, {}, prefix))
 
 
-def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Job:
+def _warn(message: str) -> None:
+    warnings.warn(message, FutureWarning, stacklevel=3)
+
+
+def load_job(
+    path: Path,
+    overrides: Sequence[str] = (),
+    out: Path | None = None,
+    say: Callable[[str], None] = _warn,
+) -> Job:
     """Read a job file and apply `--set key=value` overrides.
+
+    Parameters
+    ----------
+    say
+        Takes warnings about the file and the overrides; Python's own when left out.
 
     Raises
     ------
@@ -95,9 +113,16 @@ def load_job(path: Path, overrides: Sequence[str] = (), out: Path | None = None)
         raise JobError(f"{path} is not valid YAML: {error}") from None
     if not isinstance(tree, dict):
         raise JobError(f"{path}: a job file is a mapping with at least `dataset` and `out`")
+    places = {key: f"{path}, line {line}" for key, line in lines.items()}
+    tree, found = _renamed(tree, places, str(path))
+    notices = _notices(found, places, str(path))
+    for item in found:
+        lines |= dict.fromkeys(_new(item, lines), _nearest(lines, item.before, 1))
     where = {key: f"{path}, line {line}" for key, line in lines.items()}
-    origins = {".".join(key): f"{path}:{_line_of(lines, key)}" for key in leaves(tree)}
-    _override(tree, overrides, where, origins)
+    origins = {".".join(key): f"{path}:{_nearest(lines, key, 1)}" for key in leaves(tree)}
+    notices += _override(tree, overrides, where, origins)
+    for notice in dict.fromkeys(notices):
+        say(notice)
     if out is not None:
         tree["out"] = str(out)
         origins["out"] = where["out",] = "--out"
@@ -139,7 +164,7 @@ def _here(changes: dict[str, Any]) -> dict[str, Any]:
     """A variant's changes with paths made absolute, as `_absolute` makes the job's."""
     paths = {
         key: str(Path(value).absolute())
-        for key in ("weights", "training.begin")
+        for key in ("weights", "training.init_from")
         if isinstance(value := changes.get(key), str) and value != "shipped"
     }
     return changes | paths
@@ -148,7 +173,7 @@ def _here(changes: dict[str, Any]) -> dict[str, Any]:
 def _absolute(settings: Settings) -> Settings:
     """Workers run elsewhere: paths are made absolute where the job is read."""
     dataset = settings.dataset
-    root, weights, begin = dataset.root, settings.weights, settings.training.begin
+    root, weights, init = dataset.root, settings.weights, settings.training.init_from
     paths: dict[str, Any] = {"root": root if isinstance(root, str) else root.absolute()}
     if isinstance(dataset.split, Path):
         paths["split"] = dataset.split.absolute()
@@ -158,7 +183,7 @@ def _absolute(settings: Settings) -> Settings:
             "weights": weights.absolute() if isinstance(weights, Path) else weights,
             "dataset": dataset.model_copy(update=paths),
             "training": settings.training.model_copy(
-                update={"begin": begin.absolute() if isinstance(begin, Path) else begin}
+                update={"init_from": init.absolute() if isinstance(init, Path) else init}
             ),
         }
     )
@@ -206,8 +231,13 @@ def _group(location: tuple[str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
-def with_overrides(job: Job, overrides: Sequence[str]) -> Job:
+def with_overrides(job: Job, overrides: Sequence[str], say: Callable[[str], None] = _warn) -> Job:
     """A job with `--set key=value` overrides on top.
+
+    Parameters
+    ----------
+    say
+        Takes warnings about the overrides; Python's own when left out.
 
     Raises
     ------
@@ -218,7 +248,8 @@ def with_overrides(job: Job, overrides: Sequence[str]) -> Job:
         raise JobError("--set preset: its values are settled already; give settings one by one")
     tree = job.settings.model_dump(mode="json", exclude_unset=False)
     where, origins = dict(job.where), dict(job.origins)
-    _override(tree, overrides, where, origins)
+    for notice in dict.fromkeys(_override(tree, overrides, where, origins)):
+        say(notice)
     settings = _absolute(_validate(tree, where, ""))
     variants = {name: _here(flattened(own)) for name, own in settings.variants.items()}
     settings = settings.model_copy(update={"variants": variants})
@@ -230,8 +261,11 @@ def _override(
     overrides: Sequence[str],
     where: dict[tuple[str, ...], str],
     origins: dict[str, str],
-) -> None:
-    """Put overrides into a tree of settings, and note where each came from."""
+) -> list[str]:
+    """Put overrides into a tree of settings, and note where each came from; returns warnings."""
+    notices = []
+    given: dict[str, Any] = {}
+    places: dict[tuple[str, ...], str] = {}
     for override in overrides:
         key, equals, value = override.partition("=")
         if not equals or not key:
@@ -240,22 +274,57 @@ def _override(
             parsed = yaml.safe_load(value)
         except yaml.YAMLError as error:
             raise JobError(f"--set {override}: the value is not valid YAML: {error}") from None
-        assign(tree, key, parsed)
+        place = f"--set {override}"
         parts = tuple(key.split("."))
-        for depth in range(1, len(parts)):
-            where.setdefault(parts[:depth], f"--set {override}")
-        where[parts] = f"--set {override}"
-        group = parsed if isinstance(parsed, dict) and parts[0] != "variants" else None
-        said = [key] if group is None else [f"{key}.{leaf}" for leaf in dotted(group)]
+        places[parts] = place
+        assign(given, key, parsed)
+        # By both names is an error only here: an override may replace what the file says.
+        _renamed(given, places, place)
+        own: dict[str, Any] = {}
+        assign(own, key, parsed)
+        own, found = _renamed(own, {}, place)
+        notices += _notices(found, {}, place)
+        for name, value in own.items():
+            assign(tree, name, value)
+        whole = {item.before: item.after for item in found}.get(parts, parts)
+        for depth in range(1, len(whole)):
+            where.setdefault(whole[:depth], place)
+        where[whole] = place
+        for item in found:
+            where.update(dict.fromkeys(_new(item, where), place))
+        said = {".".join(whole)} if whole[0] == "variants" else dotted(own)
         origins.update(dict.fromkeys(said, "--set"))
+    return notices
+
+
+def _renamed(
+    tree: Mapping[str, Any], where: Mapping[tuple[str, ...], str], fallback: str
+) -> tuple[dict[str, Any], list[Renaming]]:
+    """A tree with new names in the place of old ones, and which they were."""
+    try:
+        return with_new_names(tree)
+    except BothNamesError as error:
+        raise JobError(f"{_nearest(where, error.before, fallback)}: {error}") from None
+
+
+def _notices(
+    found: Iterable[Renaming], where: Mapping[tuple[str, ...], str], fallback: str
+) -> list[str]:
+    return [f"{_nearest(where, item.before, fallback)}: {item}" for item in found]
+
+
+def _new(item: Renaming, known: Mapping[tuple[str, ...], Any]) -> list[tuple[str, ...]]:
+    """The path of a new name, and the groups above it that aren't known yet."""
+    above = [item.after[:depth] for depth in range(1, len(item.after))]
+    return [*(path for path in above if path not in known), item.after]
 
 
 _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
 
 
-def _line_of(lines: Mapping[tuple[str, ...], int], key: tuple[str, ...]) -> int:
-    """The line of a key or, where it comes with an alias, of what holds it."""
-    return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), 1)
+def _nearest(known: Mapping[tuple[str, ...], _T], key: tuple[str, ...], otherwise: _T) -> _T:
+    """What is known of a key or, where it comes with an alias, of what holds it."""
+    return next((known[key[:n]] for n in range(len(key), 0, -1) if key[:n] in known), otherwise)
 
 
 def _lines(

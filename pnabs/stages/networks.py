@@ -42,9 +42,9 @@ def _checked(settings: Settings, module: str) -> tuple[str, str | None]:
         return "training.batch_size", (
             f"{training.batch_size} is less than a shape for each of the {training.workers} workers"
         )
-    begin, network = training.begin_weights(module), settings.network
-    if begin is not None:
-        return "training.begin", _missing(begin) or _another(begin, network, module)
+    init, network = training.init_weights(module), settings.network
+    if init is not None:
+        return "training.init_from", _missing(init) or _another(init, network, module)
     count = _count(network, module)
     if network.start == "octants" and count != OCTANTS:
         return "network.start", (

@@ -46,7 +46,7 @@ class PhasePlan:
         Models of the validation split that are measured after each epoch; they change nothing.
     inherits
         Weights that the phase begins with: for refinement those of the initial phase, for the
-        initial one those of `training.begin`, if any.
+        initial one those of `training.init_from`, if any.
     """
 
     job: Settings
@@ -107,13 +107,13 @@ def phase_plans(context: Context, variant: str, module: str) -> list[PhasePlan]:
     models = training_models(context, variant, module)
     validation = training_models(context, variant, module, "val").few(VALIDATION_MODELS)
     plans: list[PhasePlan] = []
-    begin = job.training.begin_weights(module)
-    before = context.given_weights.get(f"{variant}/begin/{module}")
+    init = job.training.init_weights(module)
+    before = context.given_weights.get(f"{variant}/init_from/{module}")
     for phase in PHASES:
         inputs = {"phase": phase, "models": models.digest, "before": before}
         mark = fingerprint(recipe, inputs)
         mark = context.kept_weights.get(kept_key(recipe, phase), mark)
-        inherits = plans[-1].folder / WEIGHTS if plans else begin
+        inherits = plans[-1].folder / WEIGHTS if plans else init
         plans.append(
             PhasePlan(job, home, volumes, module, phase, mark, models, validation, inherits)
         )

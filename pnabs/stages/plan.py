@@ -148,5 +148,5 @@ def given_to(stage: str, variant: str, given: Mapping[str, str]) -> tuple[str | 
         return ()
     modules = MODULES if stage in ("train-negative", "abstract") else MODULES[:1]
     return tuple(
-        given.get(f"{variant}/{use}{module}") for use in ("", "begin/") for module in modules
+        given.get(f"{variant}/{use}{module}") for use in ("", "init_from/") for module in modules
     )

@@ -31,7 +31,7 @@ def retry(
         As `run_job`, and when the run has no such stage.
     """
     run = RunFolder(root)
-    job = with_overrides(stored_job(run), overrides)
+    job = with_overrides(stored_job(run), overrides, reporter.say)
     settings = job.settings.model_copy(update={"out": root.absolute()})
     stages = run.ledger.stages()
     if which.stage is not None and which.stage not in stages:

@@ -68,7 +68,7 @@ def test_the_papers_preset_has_its_numbers(tmp_path: Path) -> None:
     assert (training.schedule, training.iterations, training.burn_in) == ("constant", 3, 0)
     assert (training.theta_scale, training.theta_translation) == (0.02, 0.02)
     assert (training.theta_rotation, training.symmetry_alpha) == (20, 0.3)
-    augmented = (training.mirror_augment, training.turn, training.stretch, training.begin)
+    augmented = (training.mirror_augment, training.turn, training.stretch, training.init_from)
     assert augmented == (False, 0, 0, None)
     weights = {"fit1": 1, "fit2": 1, "symmetry": 1, "regularisation": 1, "separation": 1}
     assert training.losses.model_dump() == weights | {"occupancy": 0}
@@ -168,7 +168,7 @@ def test_variants_share_only_with_those_that_do_the_stage(tmp_path: Path) -> Non
         assert (found["full"], found["again"]) == ("full", "full")
 
 
-@pytest.mark.parametrize("key", ["weights", "training.begin"])
+@pytest.mark.parametrize("key", ["weights", "training.init_from"])
 def test_variants_with_other_weights_share_nothing(tmp_path: Path, key: str) -> None:
     for name in "ab":
         (tmp_path / name).mkdir()
@@ -333,20 +333,20 @@ def test_a_groups_override_leaves_a_variants_preset_its_other_settings(tmp_path:
 
 
 def test_a_variants_paths_are_absolute(tmp_path: Path) -> None:
-    text = "variants: {main: {weights: shipped}, a: {weights: w}, b: {training: {begin: w}}}\n"
+    text = "variants: {main: {weights: shipped}, a: {weights: w}, b: {training: {init_from: w}}}\n"
     variants = load_job(job_file(tmp_path, MINIMAL + text)).settings.variants
     here = str(Path("w").absolute())
     assert variants == {
         "main": {"weights": "shipped"},
         "a": {"weights": here},
-        "b": {"training.begin": here},
+        "b": {"training.init_from": here},
     }
 
 
 def test_weights_that_nothing_reads_are_no_matter(tmp_path: Path) -> None:
     (tmp_path / "positive.safetensors").write_text("a")
     (tmp_path / "negative.safetensors").write_text("b")
-    for key in ("weights", "training.begin"):
+    for key in ("weights", "training.init_from"):
         changes = [f"{key}={tmp_path}", "abstract.negatives=false"]
         given = given_weights(load_job(job_file(tmp_path, MINIMAL), changes))
         assert [name.rpartition("/")[2] for name in given] == ["positive"]
@@ -365,8 +365,8 @@ def test_aliases_give_what_they_stand_for(tmp_path: Path) -> None:
             "line 3: training.batch_size: 2 is less than a shape for each of the 3 workers",
         ),
         (
-            "training: {begin: shipped}\nvariants: {main: {}, b: {network.positives: 5}}\n",
-            r"line 3: training.begin: .* network.positives is 5, theirs 12 \(variant b\)",
+            "training: {init_from: shipped}\nvariants: {main: {}, b: {network.positives: 5}}\n",
+            r"line 3: training.init_from: .* network.positives is 5, theirs 12 \(variant b\)",
         ),
         ("network: {start: octants}\n", "line 3: network.start: octants needs .*positives is 12"),
         (
@@ -374,12 +374,13 @@ def test_aliases_give_what_they_stand_for(tmp_path: Path) -> None:
             "line 3: network.start: octants needs .*negatives is 4",
         ),
         (
-            "training: {begin: shipped}\nnetwork: {negatives: 4}\n",
-            "line 3: training.begin: .* network.negatives is 4, theirs 8",
+            "training: {init_from: shipped}\nnetwork: {negatives: 4}\n",
+            "line 3: training.init_from: .* network.negatives is 4, theirs 8",
         ),
         (
-            "training: {begin: shipped}\nvariants: {main: {}, b: {training.begin: /nowhere}}\n",
-            "line 4: variants.b: training.begin: there is no positive.safetensors in /nowhere",
+            "training: {init_from: shipped}\n"
+            "variants: {main: {}, b: {training.init_from: /nowhere}}\n",
+            "line 4: variants.b: training.init_from: there is no positive.safetensors in /nowhere",
         ),
     ],
 )

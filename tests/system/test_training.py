@@ -42,7 +42,7 @@ def test_training_begins_with_given_weights(
         (path,) = folder.glob("*/weights.safetensors")
         shutil.copy(path, begin / f"{module}.safetensors")
     out = tmp_path / "run"
-    changes = [f"training.begin={begin}", "training.epochs=1"]
+    changes = [f"training.init_from={begin}", "training.epochs=1"]
     stages = ("scan", "ingest", "train-positive")
     launch(out, *changes, stages=stages)
     for phase in ("positive-initial", "positive-refinement"):
@@ -62,11 +62,13 @@ def test_training_begins_with_given_weights(
     # Other content under the same name is another training, and nobody's accident.
     (path,) = (run / "variants/main/checkpoints/positive-initial").glob("*/weights.safetensors")
     shutil.copy(path, begin / "positive.safetensors")
-    with pytest.raises(RefusedError, match="weights main/begin/positive: other content") as refused:
+    with pytest.raises(
+        RefusedError, match="weights main/init_from/positive: other content"
+    ) as refused:
         launch(out, *changes, stages=stages)
     assert "train-positive" in str(refused.value)
     (begin / "positive.safetensors").unlink()
-    with pytest.raises(JobError, match=r"training.begin: there is no positive.safetensors in"):
+    with pytest.raises(JobError, match=r"training.init_from: there is no positive.safetensors in"):
         launch(out, *changes, stages=stages)
 
 
