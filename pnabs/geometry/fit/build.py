@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import os
-
 import numpy as np
 
 from pnabs.geometry.fit.assembly import Assembly, Box, Target
@@ -32,9 +30,9 @@ class Effort:
     """
 
     extra: int = 4
-    tries: int = 3
-    rounds: int = 12
-    patience: int = 4
+    tries: int = 2
+    rounds: int = 4
+    patience: int = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +44,9 @@ class Terms:
     budget : int
         Boxes at most, negatives included.
     price : float
-        IoU that a box must add.
+        IoU that a box must add, or the like in `cover`.
+    cover : float
+        What covering all of the outer surface counts beside IoU.
     positives, negatives : int, optional
         At most so many of them; as many as the budget allows when left out.
     """
@@ -98,7 +98,7 @@ def build(
     ----------
     target : Target
     starts : sequence of Start
-        What comes of the best is gone on with.
+        The best of what comes of them is kept.
     terms : Terms
     effort : Effort
     rng : numpy.random.Generator
@@ -108,8 +108,7 @@ def build(
     Assembly
     """
     begun = [_begun(target, start, terms, effort, rng) for start in starts]
-    best = max(begun, key=lambda assembly: merit(assembly, terms))
-    return _exchanged(best, terms, effort, rng)
+    return max(begun, key=lambda assembly: merit(assembly, terms))
 
 
 def _begun(
@@ -134,46 +133,19 @@ def _begun(
     return assembly
 
 
-def _exchanged(
-    assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator
-) -> Assembly:
-    """Some of the least boxes exchanged for others, again and again, where that is better."""
-    tilt = terms.tilt * assembly.total
-    vain = 0
-    for attempt in range(effort.rounds):
-        rate = assembly.iou()
-        trial = assembly.copy()
-        prune(trial, terms, rate, max(0, trial.size - 1 - attempt % 3))
-        trial.refine(rate, 2.0, 0.5, tilt)
-        grow(trial, terms, effort, rate, terms.budget, rng)
-        trial.refine(rate, 2.0, 0.5, tilt)
-        trial.refine(rate, 1.0, 0.5, tilt)
-        prune(trial, terms, rate, terms.budget)
-        vain += 1
-        if merit(trial, terms) > merit(assembly, terms):
-            assembly, vain = trial, 0
-        if vain == effort.patience:
-            break
-    assembly.refine(assembly.iou(), 1.0, 0.25, tilt)
-    return assembly
-
-
 def polish(
     assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator
 ) -> Assembly:
+    """Boxes of a coarser grid fitted to a finer one, and some of the least exchanged for others.
+
+    Coarse cells make thin parts thick, so how many boxes these are worth, and which, shows here.
+    """
     tilt = terms.tilt * assembly.total
     for step in (3.0, 1.5, 1.0):
         assembly.refine(assembly.iou(), step, 0.5, tilt)
     prune(assembly, terms, assembly.iou(), terms.budget)
-    assembly.refine(assembly.iou(), 1.0, 0.25, tilt)
-    return _fine(assembly, terms, int(os.environ.get("FINE", "6")), rng)
-
-
-def _fine(assembly: Assembly, terms: Terms, rounds: int, rng: np.random.Generator) -> Assembly:
-    effort = Effort()
-    tilt = terms.tilt * assembly.total
     vain = 0
-    for attempt in range(rounds):
+    for attempt in range(effort.rounds):
         rate = assembly.iou()
         trial = assembly.copy()
         prune(trial, terms, rate, max(0, trial.size - 2 * (attempt % 3)))
@@ -192,7 +164,7 @@ def _fine(assembly: Assembly, terms: Terms, rounds: int, rng: np.random.Generato
 
 
 def merit(assembly: Assembly, terms: Terms) -> float:
-    """IoU less the price of the boxes."""
+    """IoU, and what covers the surface, less the price of the boxes."""
     return assembly.merit() - terms.price * assembly.size
 
 

@@ -14,6 +14,7 @@ from pnabs.geometry import cuboid, quaternion
 from pnabs.geometry.fit import tidy
 from pnabs.geometry.fit.assembly import ANYWHERE, Assembly, Box, Target
 from pnabs.geometry.fit.bits import Bits, count, pack, unpack
+from pnabs.geometry.fit.bridge import bridge
 from pnabs.geometry.fit.box import is_aligned
 from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, polish
 from pnabs.geometry.fit.contain import Bounds, contain
@@ -25,6 +26,12 @@ from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
 
 NEAR = 0.01
 """Points of the surface this near to a box are covered, normalised frame."""
+
+SHEET = 0.005
+"""Thickness of a part without any, as distances are measured; normalised frame."""
+
+BRIDGE = 2e-3
+"""IoU that closing a gap between two boxes may cost."""
 
 POINTS = 600
 """Points of the outer surface whose cover counts."""
@@ -105,7 +112,44 @@ def fit(
     effort: Effort = _EFFORT,
     strict: bool = False,
 ) -> Fitted:
-    """TODO."""
+    """Cover a shape with positives and negatives, few and in agreement with its solid.
+
+    Positives, those of coarser levels too, lie inside the shape's bounding box: along the grid
+    exactly, turned ones with corners at most `STANDS_OUT` outside it.  Only boxes that need
+    `min_side` to be as thick as that stand out further, by half of it at most.
+
+    Parameters
+    ----------
+    occupancy : (64, 64, 64) bool
+        The solid on the grid on which boxes are found.
+    fine : (G, G, G) bool
+        The solid on a finer grid, on which their sides are; G is a multiple of 64.
+    surface : (P, 6) float32
+        Samples of its surface with normals, normalised frame.
+    mirror : int
+        Axis across which the shape mirrors, or -1.
+    terms : Terms
+    rng : numpy.random.Generator
+    extent : (3,) float64
+        Sides of the shape's bounding box, which lies about the origin; normalised frame.
+    min_side : float
+        Boxes are cut down to the bounding box, but no side becomes shorter than this;
+        normalised frame.
+    start : (positives, negatives), optional
+        Boxes to begin with.
+    scattered : bool
+        Begin with none as well, and go on with what is better.  Always so without a start.
+    sizes : sequence of int
+        Numbers of boxes of coarser levels.
+    effort : Effort
+    strict : bool
+        Corners of turned positives stay inside the bounding box too, which costs agreement.
+
+    Returns
+    -------
+    Fitted
+        Without positives if no box is worth its price.
+    """
     order = [(max(mirror, 0) + k) % 3 for k in range(3)]
     coarse = _Grid.of(occupancy, order, extent, min_side, strict)
     finer = _Grid.of(fine, order, extent, min_side, strict)
@@ -235,13 +279,16 @@ def _tidy(
     assembly: Assembly, bounds: Bounds, terms: Terms, points: Float64, normals: Float64
 ) -> None:
     rate, fee = assembly.iou(), _NEGLIGIBLE * assembly.total
-    tilt = terms.tilt * assembly.total
+    tilt, cells = terms.tilt * assembly.total, assembly.target.side / GRID_SIDE
     tidy.straighten(assembly, rate, tilt)
+    tidy.align(assembly, points, normals, rate, fee)
     tidy.settle(assembly, points, normals, rate, fee)
-    tidy.join(assembly, rate, fee, OVERLAP / GRID_SIDE * assembly.target.side)
+    tidy.join(assembly, rate, fee, OVERLAP * cells)
     if tidy.hold(assembly, bounds, tilt):
         tidy.settle(assembly, points, normals, rate, fee)
-        tidy.join(assembly, rate, fee, OVERLAP / GRID_SIDE * assembly.target.side)
+        tidy.join(assembly, rate, fee, OVERLAP * cells)
+    tidy.thin(assembly, points, normals, bounds.least, SHEET * cells)
+    bridge(assembly, rate, BRIDGE * assembly.total, OVERLAP * cells)
     tidy.open_out(assembly, rate)
 
 

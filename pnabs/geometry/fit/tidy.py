@@ -16,17 +16,29 @@ from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.search import LEAST_HALF
 from pnabs.geometry.types import Float64
 
-_NEARLY = 0.5
+_NEARLY = 1.5
 """Sides of two boxes that are nearer than so many cells are meant to be flush."""
-_BESIDE = 0.75
-"""A side may move so far, in cells, to where the surface is."""
+_BESIDE = 1.05
+"""A side may move so far, in cells, to where the surface is: all between two layers of cells."""
 _FACING = 0.9
 """Cosine of the largest angle between a side's normal and a sample's."""
+_ALIKE = 0.98
+"""The same of samples that tell how a side is turned."""
+_NEAR_SIDE = 2.0
+"""How near to the side these are, in cells."""
+_LITTLE = 1e-6
+"""Weight of a box's own axes where samples don't tell."""
+_THIN = 1.5
+"""Half the thickness up to which the grid doesn't tell a part's own, in cells."""
+_BESIDE_THIN = 1.0
+"""Samples of a thin part lie so far out of a box, in cells."""
+_EVEN = 0.5
+"""Most of the samples on one side of a flat part lie within such a height, in cells."""
 _ENOUGH = 5
 """Samples that say where a side is."""
 _NEAR_FRAME = 0.35
 """A box is turned into another's frame by so much at most, radians."""
-_SAME_FRAME = 1e-6
+_SAME_FRAME = 1e-5
 _BEYOND = 1.0
 """How far a negative reaches out of what it opens, in cells."""
 
@@ -136,6 +148,44 @@ def hold(assembly: Assembly, bounds: Bounds, tilt: float) -> bool:
     return cut
 
 
+def align(assembly: Assembly, points: Float64, normals: Float64, rate: float, fee: float) -> None:
+    """Turn boxes that aren't along the grid so that their sides face as the samples beside them.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    points, normals : (P, 3) float64
+        Samples of the shape's surface, in cells; folded like the target.
+    rate, fee : float
+        A box turns unless that costs more than the fee, in doubled cells.
+    """
+    for index, box in enumerate(assembly.boxes):
+        if box.sign < 0 or is_aligned(box.axes):
+            continue
+        local = (points - box.centre) @ box.axes
+        facing = normals @ box.axes
+        side = np.sign(facing)
+        facing_one = np.abs(facing) > _ALIKE
+        inside = np.abs(local) < box.half + _BESIDE
+        near = np.abs(local * side - box.half) < _NEAR_SIDE
+        sums = _LITTLE * box.axes
+        for k in range(3):
+            others = [i for i in range(3) if i != k]
+            chosen = facing_one[:, k] & near[:, k] & inside[:, others].all(axis=1)
+            if np.count_nonzero(chosen) >= _ENOUGH:
+                sums[:, k] += (side[chosen, k, None] * normals[chosen]).sum(axis=0)
+        first = 1 if box.centred else 0
+        if box.centred:  # its first axis is the grid's, and it may turn about that alone
+            sums[0, 1:] = 0.0
+        left, _, right = np.linalg.svd(sums[first:, first:])
+        turned = left @ right
+        if np.linalg.det(turned) * np.linalg.det(box.axes[first:, first:]) < 0:
+            continue
+        axes = box.axes.copy()
+        axes[first:, first:] = turned
+        _accept(assembly, index, box._replace(axes=axes), rate, fee)
+
+
 def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, fee: float) -> None:
     """Move sides to the surface samples beside them, within a cell.
 
@@ -170,8 +220,49 @@ def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, f
         _accept(assembly, index, moved, rate, fee)
 
 
+def thin(
+    assembly: Assembly, points: Float64, normals: Float64, least: float, sheet: float
+) -> None:
+    """Give thin boxes the thickness that the surface samples on both sides tell.
+
+    The grid can't: it has a cell wherever a thin part is.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    points, normals : (P, 3) float64
+        Samples of the shape's surface, in cells; folded like the target.
+    least, sheet : float
+        The shortest side, and the thickness of a part without any, in cells.
+    """
+    for index, box in enumerate(assembly.boxes):
+        if box.sign < 0 or box.half.min() > _THIN:
+            continue
+        k = int(np.argmin(box.half))
+        if box.centred and k == 0:
+            continue
+        local = (points - box.centre) @ box.axes
+        facing = normals @ box.axes[:, k]
+        others = [i for i in range(3) if i != k]
+        beside = np.all(np.abs(local[:, others]) < box.half[others], axis=1)
+        beside &= np.abs(local[:, k]) < box.half[k] + _BESIDE_THIN
+        above, below = local[beside & (facing > _FACING), k], local[beside & (facing < -_FACING), k]
+        if min(len(above), len(below)) < _ENOUGH:
+            continue
+        high, low = float(np.median(above)), float(np.median(below))
+        wide = high - low
+        uneven = max(float(np.ptp(np.quantile(one, (0.1, 0.9)))) for one in (above, below))
+        if wide > 2 * box.half[k] + 1 or uneven > _EVEN:
+            continue
+        wide = sheet if wide < least / 2 else max(wide, least)
+        half = box.half.copy()
+        half[k] = wide / 2
+        centre = box.centre + box.axes[:, k] * ((low + high) / 2)
+        assembly.replace(index, box._replace(centre=centre, half=half))
+
+
 def join(assembly: Assembly, rate: float, fee: float, overlap: float) -> None:
-    """Make sides of aligned positives that are nearly flush exactly so.
+    """Make sides of positives in one frame that are nearly flush exactly so.
 
     Two that face each other overlap a little instead, as boxes that only touch make no
     closed solid.  Of two boxes the one with the smaller side is changed.
@@ -194,28 +285,28 @@ def _join_side(
     overlap: float,
 ) -> None:
     one, two = assembly.boxes[index], assembly.boxes[other]
-    if index == other or not (_joins(one) and _joins(two)) or (one.centred and k == 0):
+    if index == other or one.sign < 0 or two.sign < 0 or (one.centred and k == 0):
         return
-    mine, theirs = one.bounds(), two.bounds()
+    turn = np.abs(one.axes.T @ two.axes)
+    if not np.all((turn < _SAME_FRAME) | (turn > 1 - _SAME_FRAME)):
+        return
+    middle = one.axes.T @ (two.centre - one.centre)
+    reach = turn @ two.half
+    mine, theirs = np.array([-one.half, one.half]), np.array([middle - reach, middle + reach])
     across = [i for i in range(3) if i != k]
     common = np.minimum(mine[1], theirs[1]) - np.maximum(mine[0], theirs[0])
-    if np.any(common[across] < -_NEARLY) or one.half[across].prod() > two.half[across].prod():
+    if np.any(common[across] < -_NEARLY) or one.half[across].prod() > reach[across].prod():
         return
     outward = 1 if side else -1
     for wanted in (theirs[side, k], theirs[1 - side, k] + outward * overlap):
         change = wanted - mine[side, k]
         if change and abs(change) <= _NEARLY:
             half = one.half.copy()
-            centre = one.centre.copy()
             half[k] += outward * change / 2
-            centre[k] += change / 2
+            centre = one.centre + one.axes[:, k] * (change / 2)
             if half[k] >= LEAST_HALF:
                 _accept(assembly, index, one._replace(centre=centre, half=half), rate, fee)
             return
-
-
-def _joins(box: Box) -> bool:
-    return box.sign > 0 and np.array_equal(box.axes, np.eye(3))
 
 
 def open_out(assembly: Assembly, rate: float) -> None:
