@@ -131,6 +131,7 @@ def fitted(
     started = time.process_time()
     found = fitting.fit(
         shape.occupancy_64,
+        shape.occupancy_192,
         shape.surface,
         shape.mirror,
         terms,

@@ -39,6 +39,7 @@ class Shape:
     occupancy : (32, 32, 32) bool
     occupancy_64 : (64, 64, 64) bool
     occupancy_128 : (128, 128, 128) bool
+    occupancy_192 : (192, 192, 192) bool
     sdf : (32, 32, 32) float32
     surface : (P, 6) float32
     transform : (4, 4) float64
@@ -54,6 +55,7 @@ class Shape:
     occupancy: Bool
     occupancy_64: Bool
     occupancy_128: Bool
+    occupancy_192: Bool
     sdf: Float32
     surface: Float32
     transform: Float64
@@ -284,9 +286,10 @@ def _fitted(
 ) -> Fitted:
     return fit(
         shape.occupancy_64,
+        shape.occupancy_192,
         shape.surface,
         shape.mirror,
-        Terms(options.boxes, options.min_gain, negatives=None if options.negatives else 0),
+        Terms(options.boxes, options.min_gain, options.cover, negatives=None if options.negatives else 0),
         rng,
         extent=shape.extent,
         min_side=options.min_side,

@@ -265,8 +265,12 @@ class Abstract(Group):
     its solid as well as `boxes` and `min_gain` allow (off = the paper, what the networks say)."""
     boxes: PositiveInt = 20
     """Boxes at most that the fit may use, negatives included."""
-    min_gain: Share = 0.004
-    """Gain in agreement that a box must add to be kept by the fit."""
+    min_gain: Share = 0.002
+    """What a box must add to be kept by the fit: IoU, and `cover` times the share of the outer
+    surface that comes within 1 % of the longest side of a box."""
+    cover: NonNegativeFloat = 0.25
+    """What covering all of the outer surface counts beside IoU when boxes are chosen: thin parts
+    that carry a shape, such as poles and rails, have little volume."""
     start: Literal["best", "networks", "scattered"] = "best"
     """What the fit begins with: the networks' boxes, none (boxes are then scattered where the shape
     is thickest), or both, of which the better is gone on with."""

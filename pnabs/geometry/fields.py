@@ -19,7 +19,7 @@ from pnabs.geometry.ply import parse_ply
 from pnabs.geometry.preview import preview
 from pnabs.geometry.reference import Boundary, make_boundary
 from pnabs.geometry.sampling import sample_interior, sample_surface
-from pnabs.geometry.solid import voxelise_parts
+from pnabs.geometry.solid import voxelise, voxelise_parts
 from pnabs.geometry.stl import parse_stl
 from pnabs.geometry.types import GRID_SIDE, Bool, Float32, Float64, Mesh
 from pnabs.settings import Ingest
@@ -29,6 +29,9 @@ RESOLUTION = 32
 
 FINE_RESOLUTION = 64
 """Grid of the finer occupancy, for samples, the fit and the paper's metrics."""
+
+FIT_RESOLUTION = 192
+"""Grid on which the fit finds where the sides of boxes are."""
 
 FINEST_RESOLUTION = 128
 """Grid that no box was fitted to, for metrics."""
@@ -76,6 +79,7 @@ class Fields:
     occupancy : (32, 32, 32) bool
     occupancy_64 : (64, 64, 64) bool
     occupancy_128 : (128, 128, 128) bool
+    occupancy_192 : (192, 192, 192) bool
     sdf : (32, 32, 32) float32
         Negative exactly where `occupancy` is set.
     surface : (P, 6) float32
@@ -97,6 +101,7 @@ class Fields:
     occupancy: Bool
     occupancy_64: Bool
     occupancy_128: Bool
+    occupancy_192: Bool
     sdf: Float32
     surface: Float32
     interior: Float32
@@ -135,6 +140,7 @@ def compute_fields(mesh: Mesh, settings: Ingest, layout: str, rng: np.random.Gen
         occupancy=occupancy,
         occupancy_64=occupancy_64,
         occupancy_128=finest.occupancy,
+        occupancy_192=voxelise(prepared, FIT_RESOLUTION),
         sdf=signed_distance(prepared, RESOLUTION, coarse),
         surface=sample_surface(prepared, settings.surface_points, rng, fine.core),
         interior=sample_interior(occupancy_64, settings.interior_points, rng),

@@ -93,7 +93,7 @@ class IngestWork:
             source_digest, fields = outcome.value
             notes[outcome.model_id] = {"source_sha256": source_digest}
             arrays["valid"][row] = 1
-            for name in ("occupancy_64", "occupancy_128"):
+            for name in ("occupancy_64", "occupancy_128", "occupancy_192"):
                 arrays[name][row] = np.packbits(getattr(fields, name).reshape(-1))
             arrays["preview"][row, : len(fields.preview)] = fields.preview
             for name in (

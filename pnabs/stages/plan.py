@@ -22,11 +22,11 @@ STAGES = (
 MODULES = ("positive", "negative")
 
 VERSIONS = {
-    "ingest": 3,
+    "ingest": 4,
     "train-positive": 2,
     "difference": 3,
     "train-negative": 3,
-    "abstract": 5,
+    "abstract": 6,
 }
 """Raised when a stage's bytes change for the same settings and inputs."""
 

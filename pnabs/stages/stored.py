@@ -15,7 +15,7 @@ from pnabs.store.boundaries import read_boundaries
 from pnabs.store.run import RunFolder
 
 NAMES = (
-    *("occupancy", "occupancy_64", "occupancy_128", "sdf"),
+    *("occupancy", "occupancy_64", "occupancy_128", "occupancy_192", "sdf"),
     *("surface", "transform", "mirror", "extent"),
 )
 
@@ -62,6 +62,7 @@ class StoredShard:
                 occupancy=self._arrays["occupancy"][i].astype(bool),
                 occupancy_64=_unpacked(self._arrays["occupancy_64"][i], 64),
                 occupancy_128=_unpacked(self._arrays["occupancy_128"][i], 128),
+                occupancy_192=_unpacked(self._arrays["occupancy_192"][i], 192),
                 sdf=self._arrays["sdf"][i],
                 surface=self._arrays["surface"][i],
                 transform=self._arrays["transform"][i],

@@ -97,6 +97,7 @@ class RunFolder:
             ArraySpec("occupancy", (32, 32, 32), "u1"),
             ArraySpec("occupancy_64", (64**3 // 8,), "u1"),
             ArraySpec("occupancy_128", (128**3 // 8,), "u1"),
+            ArraySpec("occupancy_192", (192**3 // 8,), "u1"),
             ArraySpec("sdf", (32, 32, 32), "f4"),
             ArraySpec("surface", (ingest.surface_points, 6), "f4"),
             ArraySpec("interior", (ingest.interior_points, 3), "f4"),
@@ -118,6 +119,7 @@ class RunFolder:
         specs = (
             ArraySpec("valid", (), "u1"),
             ArraySpec("occupancy", (32, 32, 32), "u1"),
+            ArraySpec("occupancy_192", (192**3 // 8,), "u1"),
             ArraySpec("sdf", (32, 32, 32), "f4"),
             ArraySpec("surface", (samples, 3), "f4"),
             ArraySpec("interior", (samples, 3), "f4"),

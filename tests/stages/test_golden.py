@@ -17,7 +17,7 @@ from pnabs.settings import Ingest
 from pnabs.stages.plan import VERSIONS
 
 # Printed by the test when it fails; `pnabs.stages.plan.VERSIONS` rises together with them.
-INGEST_VERSION = 3
+INGEST_VERSION = 4
 INGEST = {
     "chair": ("2f13c7b0e0662327", 28.2441, 65.9661, -7.7426),
     "lamp": ("e4556645e443a912", -0.3743, -12.6282, -10.4764),
@@ -31,7 +31,7 @@ def summary(category: str) -> tuple[str, float, float, float]:
     mesh = parse_mesh(make_model(category, 7, 4).obj.encode(), ".obj", options.limits)
     rng = model_rng(0, "ingest")
     found = compute_fields(mesh, options, "shapenet-v2", rng)
-    solids = (found.occupancy, found.occupancy_64, found.occupancy_128)
+    solids = (found.occupancy, found.occupancy_64, found.occupancy_128, found.occupancy_192)
     bits = np.packbits(np.concatenate([one.ravel() for one in solids]))
     # weighted, so that no exchange of two values goes unnoticed
     sums = (
@@ -53,7 +53,7 @@ def test_ingest(category: str) -> None:
 
 
 # Positives, negatives, and a weighted sum of their parameters.
-ABSTRACT_VERSION = 5
+ABSTRACT_VERSION = 6
 FIT = {
     "chair": (17, 2, -2.4505),
     "lamp": (19, 1, 0.3334),
@@ -69,9 +69,10 @@ def test_fit(category: str) -> None:
     fields = compute_fields(mesh, options, "shapenet-v2", model_rng(0, "ingest"))
     found = fit(
         fields.occupancy_64,
+        fields.occupancy_192,
         fields.surface,
         fields.mirror,
-        Terms(20, 0.004),
+        Terms(20, 0.002, 0.25),
         model_rng(0, "abstract"),
         extent=fields.extent,
         min_side=2e-3,

@@ -27,9 +27,6 @@ from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
 NEAR = 0.01
 """Points of the surface this near to a box are covered, normalised frame."""
 
-SHEET = 0.005
-"""Thickness of a part without any, as distances are measured; normalised frame."""
-
 BRIDGE = 2e-3
 """IoU that closing a gap between two boxes may cost."""
 
@@ -197,10 +194,32 @@ def fit(
         centred=sum(box.centred for box in boxes),
         aligned=sum(bool(is_aligned(box.axes)) for box in boxes),
         coarser={
-            size: _level(level.units, finer, order)
-            for size, level in levels(whole[1], units, sizes).items()
+            size: _level(level, finer, order)
+            for size, level in _levels(whole[0], units, sizes, factor).items()
         },
     )
+
+
+def _levels(
+    target: Target, units: list[Unit], sizes: Sequence[int], factor: float
+) -> dict[int, list[Unit]]:
+    """Coarser levels, found on the coarse grid; boxes that stay are those of the finer one."""
+    rough, fine = [], {}
+    for unit in units:
+        boxes = [box.scaled(1 / factor) for box in unit.boxes]
+        boxes = [box._replace(half=np.maximum(box.half, LEAST_HALF)) for box in boxes]
+        rough.append(Unit(boxes, unit.origins))
+        fine[id(boxes[0].centre)] = unit.boxes
+    return {
+        size: [
+            Unit(
+                fine.get(id(unit.boxes[0].centre)) or [box.scaled(factor) for box in unit.boxes],
+                unit.origins,
+            )
+            for unit in level.units
+        ]
+        for size, level in levels(target, rough, sizes).items()
+    }
 
 
 class _Grid(NamedTuple):
@@ -287,7 +306,8 @@ def _tidy(
     if tidy.hold(assembly, bounds, tilt):
         tidy.settle(assembly, points, normals, rate, fee)
         tidy.join(assembly, rate, fee, OVERLAP * cells)
-    tidy.thin(assembly, points, normals, bounds.least, SHEET * cells)
+    tidy.thin(assembly, points, normals, bounds.least)
+    tidy.drop_hidden(assembly)
     bridge(assembly, rate, BRIDGE * assembly.total, OVERLAP * cells)
     tidy.open_out(assembly, rate)
 

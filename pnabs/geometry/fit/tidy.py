@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pnabs.geometry.cuboid import UNIT_CORNERS
 from pnabs.geometry.fit.assembly import Assembly, Box
 from pnabs.geometry.fit.box import is_aligned, outside
 from pnabs.geometry.fit.contain import Bounds, contain
@@ -34,6 +35,8 @@ _BESIDE_THIN = 1.0
 """Samples of a thin part lie so far out of a box, in cells."""
 _EVEN = 0.5
 """Most of the samples on one side of a flat part lie within such a height, in cells."""
+_WITHIN = 1e-3
+"""A corner this near to a box, in cells, counts as within."""
 _ENOUGH = 5
 """Samples that say where a side is."""
 _NEAR_FRAME = 0.35
@@ -220,9 +223,7 @@ def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, f
         _accept(assembly, index, moved, rate, fee)
 
 
-def thin(
-    assembly: Assembly, points: Float64, normals: Float64, least: float, sheet: float
-) -> None:
+def thin(assembly: Assembly, points: Float64, normals: Float64, least: float) -> None:
     """Give thin boxes the thickness that the surface samples on both sides tell.
 
     The grid can't: it has a cell wherever a thin part is.
@@ -232,8 +233,8 @@ def thin(
     assembly : Assembly
     points, normals : (P, 3) float64
         Samples of the shape's surface, in cells; folded like the target.
-    least, sheet : float
-        The shortest side, and the thickness of a part without any, in cells.
+    least : float
+        The shortest side, in cells.
     """
     for index, box in enumerate(assembly.boxes):
         if box.sign < 0 or box.half.min() > _THIN:
@@ -254,11 +255,23 @@ def thin(
         uneven = max(float(np.ptp(np.quantile(one, (0.1, 0.9)))) for one in (above, below))
         if wide > 2 * box.half[k] + 1 or uneven > _EVEN:
             continue
-        wide = sheet if wide < least / 2 else max(wide, least)
         half = box.half.copy()
-        half[k] = wide / 2
+        half[k] = max(wide, least) / 2
         centre = box.centre + box.axes[:, k] * ((low + high) / 2)
         assembly.replace(index, box._replace(centre=centre, half=half))
+
+
+def drop_hidden(assembly: Assembly) -> None:
+    """Take away positives that lie within another one."""
+    for index in reversed(range(len(assembly))):
+        box = assembly.boxes[index]
+        corners = box.centre + (2 * UNIT_CORNERS * box.half) @ box.axes.T
+        for at, other in enumerate(assembly.boxes):
+            if at == index or min(box.sign, other.sign) < 0:
+                continue
+            if np.all(np.abs((corners - other.centre) @ other.axes) <= other.half + _WITHIN):
+                assembly.remove(index)
+                break
 
 
 def join(assembly: Assembly, rate: float, fee: float, overlap: float) -> None:

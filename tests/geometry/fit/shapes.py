@@ -6,9 +6,15 @@ import numpy as np
 
 from pnabs.geometry import cuboid
 from pnabs.geometry.crop import crop
-from pnabs.geometry.fit.fit import CELL
+from pnabs.geometry.fit.assembly import ANYWHERE, Box, Target
+from pnabs.geometry.fit.bits import Bits, pack
+from pnabs.geometry.fit.search import Room
 from pnabs.geometry.sampling import draw_on_triangles
-from pnabs.geometry.types import Bool, Cuboids, Float32, Float64, grid_points
+from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64, grid_points
+
+CELL = GRID_SIDE / 64
+PLANE = 31.5
+POINTS = np.stack(np.meshgrid(*[np.arange(64.0)] * 3, indexing="ij"), axis=-1)
 
 Sides = tuple[float, float, float]
 
@@ -32,13 +38,29 @@ def stands_out(positives: Cuboids, extent: Float64) -> float:
     return float((np.abs(cuboid.corners(positives)) - extent / 2).max())
 
 
-def occupied(positives: Cuboids, negatives: Cuboids | None = None) -> Bool:
-    """Cell centres in a positive and in no negative, (64, 64, 64) bool."""
-    points = grid_points(64)
+def contained(box: Box) -> Bool:
+    """Cell centres in a box in cells, by its definition, (64, 64, 64) bool."""
+    inside: Bool = np.all(np.abs((POINTS - box.centre) @ box.axes) <= box.half + 1e-9, axis=-1)
+    return inside
+
+
+def painted(box: Box) -> Bits:
+    """These cells as bits."""
+    return pack(contained(box))
+
+
+def whole(bits: Bits, room: Room = ANYWHERE) -> Target:
+    """A shape of which only the cells count."""
+    return Target.whole(bits, np.zeros((0, 3)), 0.0, 0.6, room)
+
+
+def occupied(positives: Cuboids, negatives: Cuboids | None = None, side: int = 64) -> Bool:
+    """Cell centres in a positive and in no negative, (side, side, side) bool."""
+    points = grid_points(side)
     inside = cuboid.contains(points, positives).any(axis=0)
     if negatives is not None:
         inside &= ~cuboid.contains(points, negatives).any(axis=0)
-    return inside.reshape(64, 64, 64)
+    return inside.reshape(side, side, side)
 
 
 def surface(positives: Cuboids, negatives: Cuboids | None = None, count: int = 4000) -> Float32:

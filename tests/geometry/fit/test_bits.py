@@ -12,21 +12,22 @@ from pnabs.geometry.fit import bits
 from pnabs.geometry.types import Bool
 
 SEEDS = st.integers(0, 2**32 - 1)
+SIDES = st.sampled_from([64, 128])
 
 
-def cells(seed: int, share: float = 0.5) -> Bool:
-    return np.random.default_rng(seed).random((64, 64, 64)) < share
+def cells(seed: int, share: float = 0.5, side: int = 64) -> Bool:
+    return np.random.default_rng(seed).random((side, side, side)) < share
 
 
-@given(SEEDS)
+@given(SEEDS, SIDES)
 @settings(deadline=None, max_examples=10)
-def test_pack_and_unpack_are_inverse_and_bits_are_cells(seed: int) -> None:
-    grid = cells(seed, 0.3)
+def test_pack_and_unpack_are_inverse_and_bits_are_cells(seed: int, side: int) -> None:
+    grid = cells(seed, 0.3, side)
     packed = bits.pack(grid)
     np.testing.assert_array_equal(bits.unpack(packed), grid)
     assert bits.count(packed) == np.count_nonzero(grid)
     x, y, z = np.argwhere(grid)[7]
-    assert (int(packed[x, y]) >> int(z)) & 1
+    assert (int(packed[x, y, z // 64]) >> int(z % 64)) & 1
 
 
 @given(st.integers(0, 2**64 - 1))
@@ -34,34 +35,52 @@ def test_ones_counts_the_bits_of_a_word(word: int) -> None:
     assert bits.ones(np.uint64(word)) == word.bit_count()
 
 
-@given(st.tuples(st.integers(0, 63), st.integers(0, 63)).map(sorted))
+@given(st.tuples(st.integers(0, 191), st.integers(0, 191)).map(sorted))
 def test_span_sets_the_bits_between_two(ends: list[int]) -> None:
     first, last = ends
-    assert int(bits.span(first, last)) == sum(1 << k for k in range(first, last + 1))
+    column = sum(int(bits.span(first, last, word)) << (64 * word) for word in range(3))
+    assert column == sum(1 << k for k in range(first, last + 1))
 
 
-def test_erosion_is_scipys_and_at_the_fold_that_of_the_whole() -> None:
-    half = cells(3, 0.9)
-    half[:32] = False
+@given(SEEDS)
+@settings(deadline=None, max_examples=10)
+def test_counts_go_up_and_down_cell_by_cell(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    masks = rng.integers(0, 2**64, 12, dtype=np.uint64)
+    planes = np.zeros((4, 1, 1, 1), dtype=np.uint64)
+    for mask in masks:
+        bits.tell(planes, 0, 0, 0, mask)
+    for mask in masks[:5]:
+        bits.untell(planes, 0, 0, 0, mask)
+    left = [sum((int(mask) >> k) & 1 for mask in masks[5:]) for k in range(64)]
+    found = [sum(((int(planes[d, 0, 0, 0]) >> k) & 1) << d for d in range(4)) for k in range(64)]
+    assert found == left
+
+
+@pytest.mark.parametrize("side", [64, 128])
+def test_erosion_is_scipys_and_at_the_fold_that_of_the_whole(side: int) -> None:
+    low = side // 2
+    half = cells(3, 0.9, side)
+    half[:low] = False
     whole = half | half[::-1]
     inner = ndimage.binary_erosion(whole)
     np.testing.assert_array_equal(bits.unpack(bits.eroded(bits.pack(whole), 0)), inner)
-    folded = bits.unpack(bits.eroded(bits.pack(half), 32))
-    np.testing.assert_array_equal(folded[32:], inner[32:])
-    assert not folded[:32].any()
+    folded = bits.unpack(bits.eroded(bits.pack(half), low))
+    np.testing.assert_array_equal(folded[low:], inner[low:])
+    assert not folded[:low].any()
 
 
 @pytest.mark.parametrize("share", [0.001, 0.5])
 def test_cells_by_rank_are_in_the_order_of_numpy(share: float) -> None:
-    grid = cells(1, share)
+    grid = cells(1, share, 128)
     packed, expected = bits.pack(grid), np.argwhere(grid)
     for rank in (0, 1, len(expected) // 2, len(expected) - 1):
         np.testing.assert_array_equal(bits.cell_at(packed, rank), expected[rank])
 
 
-@pytest.mark.parametrize("centre", [(0, 0, 0), (63, 5, 31), (30, 30, 30)])
+@pytest.mark.parametrize("centre", [(0, 0, 0), (127, 5, 31), (30, 30, 65)])
 def test_cells_near_are_those_within_the_ball(centre: tuple[int, int, int]) -> None:
-    grid = cells(2, 0.2)
+    grid = cells(2, 0.2, 128)
     offsets = np.argwhere(grid) - np.array(centre)
     expected = offsets[np.linalg.norm(offsets, axis=1) <= 6]
     np.testing.assert_array_equal(bits.cells_near(bits.pack(grid), np.array(centre), 6), expected)

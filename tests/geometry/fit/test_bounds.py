@@ -12,16 +12,16 @@ from pnabs.geometry import quaternion
 from pnabs.geometry.cuboid import corners, to_mesh
 from pnabs.geometry.fields import compute_fields
 from pnabs.geometry.fit import tidy
-from pnabs.geometry.fit.assembly import PLANE, Assembly, Box
+from pnabs.geometry.fit.assembly import Assembly, Box
 from pnabs.geometry.fit.build import Terms
 from pnabs.geometry.fit.contain import Bounds
-from pnabs.geometry.fit.fit import CELL, STANDS_OUT, Fitted, fit
+from pnabs.geometry.fit.fit import STANDS_OUT, Fitted, fit
 from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.normalise import normalise
 from pnabs.geometry.types import Cuboids, Float64, Mesh
 from pnabs.settings import Ingest
 from tests.geometry.boxes import random_cuboids
-from tests.geometry.fit.shapes import TABLE, occupied, surface, upright
+from tests.geometry.fit.shapes import CELL, PLANE, TABLE, occupied, surface, upright
 from tests.geometry.fit.test_tidy import target
 from tests.geometry.fit.test_tidy import upright as upright_box
 
@@ -52,6 +52,7 @@ def fitted_mesh(mesh: Mesh, *, strict: bool = False) -> tuple[Fitted, Float64, f
     sides = vertices.max(axis=0) - vertices.min(axis=0)
     found = fit(
         fields.occupancy_64,
+        fields.occupancy_192,
         fields.surface,
         fields.mirror,
         Terms(20, 0.004),
@@ -125,6 +126,7 @@ def test_boxes_to_begin_with_that_lie_far_outside_leave_no_trace(mirror: int, st
     shape, sides = occupied(TABLE), sides_of(TABLE)
     found = fit(
         shape,
+        occupied(TABLE, side=192),
         surface(TABLE),
         mirror,
         Terms(20, 0.004),
@@ -154,6 +156,7 @@ def test_any_fit_and_its_levels_stay_inside(seed: int, mirror: int, strict: bool
     sides = sides_of(shape)
     found = fit(
         occupied(shape),
+        occupied(shape, side=192),
         surface(shape),
         mirror,
         Terms(8, 0.004),
@@ -175,7 +178,7 @@ def test_any_fit_and_its_levels_stay_inside(seed: int, mirror: int, strict: bool
 def test_what_stands_out_is_held_inside_and_fitted_again() -> None:
     turned = Rotation.from_euler("z", 0.6).as_matrix()
     shape = Box(np.array([PLANE, PLANE, 30.0]), turned, np.array([12.0, 4.0, 6.0]))
-    bounds = Bounds(np.append(shape.bounds()[1, :2] - PLANE, 20.0), 0.12, 0.1)
+    bounds = Bounds(np.append(shape.bounds()[1, :2] - PLANE, 20.0), 0.12, 0.1, PLANE)
     assembly = Assembly(target(shape), [shape._replace(half=np.array([15.0, 4.0, 6.0]))])
     tidy.hold(assembly, bounds, 0.0)
     held = assembly.boxes[0].bounds()[:, :2] - PLANE
@@ -189,6 +192,6 @@ def test_boxes_within_the_bounds_or_a_cell_beyond_along_the_grid_stay_when_held(
     sheet = Box(np.array([PLANE, 32.0, PLANE]), turned, np.array([12.0, 0.5, 6.0]))
     straight = upright_box((10, 32, 10), (4, 0.5, 4))
     assembly = Assembly(target(sheet, straight), [sheet, straight])
-    tidy.hold(assembly, Bounds(np.array([29.0, 0.0, 29.0]), 0.12, 0.1), 0.0)
+    tidy.hold(assembly, Bounds(np.array([29.0, 0.0, 29.0]), 0.12, 0.1, PLANE), 0.0)
     assert assembly.boxes[0] is sheet
     assert assembly.boxes[1] is straight

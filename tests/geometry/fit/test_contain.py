@@ -9,14 +9,15 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pnabs.geometry.cuboid import UNIT_CORNERS
-from pnabs.geometry.fit.assembly import PLANE, Box
+from pnabs.geometry.fit.assembly import Box
 from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.types import Float64
+from tests.geometry.fit.shapes import PLANE
 from tests.geometry.fit.test_box import random_box
 
 SEEDS = st.integers(0, 2**32 - 1)
 LEAST = 0.12
-WIDE = Bounds(np.array([20.0, 20.0, 20.0]), LEAST, 0.15)
+WIDE = Bounds(np.array([20.0, 20.0, 20.0]), LEAST, 0.15, PLANE)
 
 
 def upright(low: tuple[float, ...], high: tuple[float, ...]) -> Box:
@@ -71,7 +72,7 @@ def test_a_box_beyond_the_bounds_is_none() -> None:
 def test_a_turned_square_shrinks_to_the_largest_that_fits() -> None:
     quarter = Rotation.from_euler("z", np.pi / 4).as_matrix()
     box = Box(np.full(3, PLANE), quarter, np.array([5.0, 5.0, 25.0]))
-    bounds = Bounds(np.array([6.0, 20.0, 20.0]), LEAST, 0.0)
+    bounds = Bounds(np.array([6.0, 20.0, 20.0]), LEAST, 0.0, PLANE)
     inner = contain(box, bounds)
     assert inner is not None
     np.testing.assert_allclose(inner.half, [6 / np.sqrt(2), 6 / np.sqrt(2), 20])
@@ -87,12 +88,12 @@ def test_an_end_is_cut_where_it_costs_least() -> None:
     lean = Rotation.from_euler("z", np.arcsin(0.1)).as_matrix()
     box = Box(np.full(3, PLANE), lean, np.array([15.0, 0.5, 4.0]))
     top = ends(box)[1, 1]
-    inner = contain(box, Bounds(np.array([30.0, top - 0.1, 30.0]), LEAST, 0.0))
+    inner = contain(box, Bounds(np.array([30.0, top - 0.1, 30.0]), LEAST, 0.0, PLANE))
     assert inner is not None
     np.testing.assert_allclose(inner.half, [14.0, 0.5, 4.0])  # both ends lose one of 30
     thick = box._replace(half=np.array([4.0, 15.0, 4.0]))
     top = ends(thick)[1, 1]
-    inner = contain(thick, Bounds(np.array([30.0, top - 0.1, 30.0]), LEAST, 0.0))
+    inner = contain(thick, Bounds(np.array([30.0, top - 0.1, 30.0]), LEAST, 0.0, PLANE))
     assert inner is not None
     np.testing.assert_allclose(inner.half, [4.0, 15 - 0.1 / np.sqrt(0.99), 4.0])
 
@@ -130,7 +131,7 @@ def test_one_end_is_cut_off_better_than_by_any_side_alone(seed: int) -> None:
     reach = ends(box)[1]
     over = min(0.3 * reach[0], 2.0)
     moved = box._replace(centre=box.centre + np.array([over, 0, 0]))
-    inner = contain(moved, Bounds(np.array([reach[0], 90.0, 90.0]), LEAST, 0.0))
+    inner = contain(moved, Bounds(np.array([reach[0], 90.0, 90.0]), LEAST, 0.0, PLANE))
     assert inner is not None
     slope = np.abs(box.axes[0])
     alone = [
@@ -151,10 +152,10 @@ def test_mirror_images_stay_so(seed: int, centred: bool) -> None:
         turned = Rotation.from_euler("x", rng.uniform(0, np.pi)).as_matrix()
         box = box._replace(axes=turned, centred=True)
         box.centre[0] = PLANE
-    bounds = Bounds(rng.uniform(3, 30, 3), LEAST, 0.15)
-    inner, image = contain(box, bounds), contain(box.mirrored(), bounds)
+    bounds = Bounds(rng.uniform(3, 30, 3), LEAST, 0.15, PLANE)
+    inner, image = contain(box, bounds), contain(box.mirrored(PLANE), bounds)
     assert (inner is None) == (image is None)
     if inner is not None and image is not None:
-        np.testing.assert_allclose(inner.mirrored().centre, image.centre, atol=1e-9)
+        np.testing.assert_allclose(inner.mirrored(PLANE).centre, image.centre, atol=1e-9)
         np.testing.assert_allclose(inner.half, image.half, atol=1e-9)
         assert not centred or inner.centre[0] == PLANE

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from pnabs.geometry import quaternion
 from pnabs.geometry.cuboid import corners
 from pnabs.geometry.fit.build import Terms
-from pnabs.geometry.fit.fit import CELL, Fitted, fit
+from pnabs.geometry.fit.fit import Fitted, fit
 from pnabs.geometry.metrics import iou, predicted_occupancy
 from pnabs.geometry.quaternion import to_matrix
 from pnabs.geometry.types import Bool, Cuboids
 from tests.geometry.boxes import random_cuboids
 from tests.geometry.fit.shapes import (
+    CELL,
     CRATE,
     HOLLOW,
     TABLE,
@@ -46,6 +47,7 @@ def fitted(
     shape = occupied(positives, negatives)
     found = fit(
         shape,
+        occupied(positives, negatives, 192),
         surface(positives, negatives),
         mirror,
         Terms(budget, price, negatives=None if allowed else 0),
@@ -192,6 +194,7 @@ def test_the_smallest_shapes_have_boxes_too(cells: tuple[slice, slice, slice]) -
     for mirror in (-1, 0):
         found = fit(
             shape,
+            shape.repeat(3, 0).repeat(3, 1).repeat(3, 2),
             np.zeros((1, 6), np.float32),
             mirror,
             Terms(20, 0.004),

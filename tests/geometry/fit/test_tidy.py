@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pnabs.geometry.fit import tidy
-from pnabs.geometry.fit.assembly import PLANE, Assembly, Box, Target
+from pnabs.geometry.fit.assembly import Assembly, Box, Target
 from pnabs.geometry.fit.bits import nothing
 from pnabs.geometry.fit.box import is_aligned
 from pnabs.geometry.types import Float64
+from tests.geometry.fit.shapes import PLANE, painted, whole
 
-EVERY = ~nothing()
 
 
 def upright(centre: tuple[float, ...], half: tuple[float, ...], sign: int = 1) -> Box:
@@ -20,10 +20,10 @@ def upright(centre: tuple[float, ...], half: tuple[float, ...], sign: int = 1) -
 
 
 def target(*boxes: Box) -> Target:
-    bits = np.zeros((64, 64), dtype=np.uint64)
+    bits = nothing(64)
     for box in boxes:
-        bits |= box.painted()
-    return Target.whole(bits, EVERY)
+        bits |= painted(box)
+    return whole(bits)
 
 
 def faces(box: Box, sign: int = 1) -> tuple[Float64, Float64]:
@@ -86,7 +86,7 @@ def test_sides_settle_on_the_surface_between_the_layers(sign: int) -> None:
     if sign > 0:
         assembly = Assembly(target(true), [found])
     else:
-        assembly = Assembly(Target.whole(block.painted() & ~true.painted(), EVERY), [block, found])
+        assembly = Assembly(whole(painted(block) & ~painted(true)), [block, found])
     points, normals = faces(true, sign)
     tidy.settle(assembly, points, normals, 0.9, 0.0)
     settled = assembly.boxes[-1]
@@ -120,7 +120,7 @@ def test_neighbours_that_nearly_touch_overlap_and_nearly_flush_ones_become_so() 
 def test_negatives_reach_out_of_the_opening_but_not_into_the_solid() -> None:
     block = upright((30, 30, 30), (10, 10, 10))
     hole = upright((30, 34, 30), (6, 6, 6), -1)  # open above
-    assembly = Assembly(Target.whole(block.painted() & ~hole.painted(), EVERY), [block, hole])
+    assembly = Assembly(whole(painted(block) & ~painted(hole)), [block, hole])
     tidy.open_out(assembly, 0.9)
     low, high = assembly.boxes[1].bounds()
     assert high[1] >= block.bounds()[1, 1] + 0.5
@@ -131,7 +131,7 @@ def test_negatives_reach_out_of_the_opening_but_not_into_the_solid() -> None:
 def test_folded_samples_lie_on_one_side() -> None:
     points = np.array([[10.0, 1, 2], [40.0, 3, 4]])
     normals = np.array([[-1.0, 0, 0], [1.0, 0, 0]])
-    there, facing = tidy.folded(points, normals)
+    there, facing = tidy.folded(points, normals, PLANE)
     np.testing.assert_array_equal(there, [[2 * PLANE - 10, 1, 2], [40, 3, 4]])
     np.testing.assert_array_equal(facing, [[1, 0, 0], [1, 0, 0]])
     assert points[0, 0] == 10
