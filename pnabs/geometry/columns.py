@@ -266,21 +266,33 @@ def _vote(
                 whole = 0
                 for h in range(low, high):
                     whole += front[h] * signs[face[h]]
-                below = 0
-                h = low
-                for k in range(cells):
-                    z = first + k * step
-                    while h < high and height[h] <= z:
-                        below += front[h] * signs[face[h]]
-                        h += 1
+                below, begin = 0, 0
+                for h in range(low, high + 1):
+                    stop = _cell_above(height[h], first, step, cells) if h < high else cells
                     said = (below > 0) + (below > whole)
-                    if said == 0:
-                        continue
                     if said == 1:
                         said += ONE_SIDED
-                    if axis == 0:
-                        votes[k, i, j] += said
-                    elif axis == 1:
-                        votes[j, k, i] += said
-                    else:
-                        votes[i, j, k] += said
+                    if said > 0 and axis == 0:
+                        for k in range(begin, stop):
+                            votes[k, i, j] += said
+                    elif said > 0 and axis == 1:
+                        for k in range(begin, stop):
+                            votes[j, k, i] += said
+                    elif said > 0:
+                        for k in range(begin, stop):
+                            votes[i, j, k] += said
+                    begin = stop
+                    if h < high:
+                        below += front[h] * signs[face[h]]
+
+
+@kernel
+def _cell_above(height: float, first: float, step: float, cells: int) -> int:
+    """The first cell of a line whose centre isn't below a height; `cells` if there is none."""
+    k = min(max(int(np.ceil((height - first) / step)), 0), cells)
+    # as the centres are rounded, not as the quotient is
+    while k > 0 and height <= first + (k - 1) * step:
+        k -= 1
+    while k < cells and height > first + k * step:
+        k += 1
+    return k

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pnabs.geometry.columns import ONE_SIDED, inside_votes, trace
+from pnabs.geometry.kernel import kernel
 from pnabs.geometry.orient import OrientedMesh
 from pnabs.geometry.shell import surface_cells
 from pnabs.geometry.types import Bool
@@ -61,8 +62,7 @@ def voxelise_parts(prepared: OrientedMesh, resolution: int) -> Voxels:
     surface = surface_cells(prepared.mesh, resolution)
     if prepared.open == "shell":
         core &= ~_outside(surface)
-    thin = surface & ~widened(core)
-    return Voxels(core, thin)
+    return Voxels(core, _alone(surface, core))
 
 
 def are_inside(votes: NDArray[np.int8]) -> Bool:
@@ -70,20 +70,34 @@ def are_inside(votes: NDArray[np.int8]) -> Bool:
 
     Those three are what a point behind a lone slanted sheet gets, however far away it is.
     """
-    one_sided, said = np.divmod(votes, ONE_SIDED)
-    return np.asarray((said >= MIN_VOTES) & ~((said == 3) & (one_sided == 3)))
+    # a power of two, so the bits below it are the half-rays that say inside
+    inside = (votes & (ONE_SIDED - 1)) >= MIN_VOTES
+    inside &= votes != 3 * (1 + ONE_SIDED)
+    return np.asarray(inside)
 
 
-def widened(cells: Bool) -> Bool:
-    """Cells and their 26 neighbours, axis by axis: much faster than a general dilation."""
-    wide = cells
-    for axis in range(3):
-        rows = np.moveaxis(wide, axis, 0)
-        grown = rows.copy()
-        grown[1:] |= rows[:-1]
-        grown[:-1] |= rows[1:]
-        wide = np.moveaxis(grown, 0, axis)
-    return wide
+@kernel
+def _alone(surface: Bool, core: Bool) -> Bool:
+    """Cells of the surface with no core cell among themselves and their 26 neighbours."""
+    cells = surface.shape[0]
+    alone = np.zeros_like(surface)
+    for i in range(cells):
+        for j in range(cells):
+            for k in range(cells):
+                if surface[i, j, k] and not _joins(core, i, j, k):
+                    alone[i, j, k] = True
+    return alone
+
+
+@kernel
+def _joins(core: Bool, i: int, j: int, k: int) -> bool:
+    cells = core.shape[0]
+    for a in range(max(i - 1, 0), min(i + 2, cells)):
+        for b in range(max(j - 1, 0), min(j + 2, cells)):
+            for c in range(max(k - 1, 0), min(k + 2, cells)):
+                if core[a, b, c]:
+                    return True
+    return False
 
 
 def _outside(surface: Bool) -> Bool:
