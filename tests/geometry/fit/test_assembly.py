@@ -159,9 +159,9 @@ def test_a_folded_box_outside_costs_what_the_whole_does(centred: bool) -> None:
         box = box._replace(centre=np.array([50.0, 30.0, 62.0]))
     images = [box] if centred else [box, box.mirrored(PLANE)]
     folded = Assembly(whole(bits.pack(shape)).folded(), [box._replace(centred=centred)])
-    whole = Assembly(whole(bits.pack(shape)), images)
-    assert folded.iou() == whole.iou() == pytest.approx(agreement(images, shape))
-    gains = [whole.gain(index, 0.7) for index in range(len(images))]
+    both = Assembly(whole(bits.pack(shape)), images)
+    assert folded.iou() == both.iou() == pytest.approx(agreement(images, shape))
+    gains = [both.gain(index, 0.7) for index in range(len(images))]
     assert folded.gain(0, 0.7) == pytest.approx(sum(gains) / 2)
 
 

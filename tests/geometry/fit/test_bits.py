@@ -40,24 +40,35 @@ def test_span_sets_the_bits_between_two(ends: list[int]) -> None:
     first, last = ends
     column = sum(int(bits.span(first, last, word)) << (64 * word) for word in range(3))
     assert column == sum(1 << k for k in range(first, last + 1))
+    assert all(bits.span(last + 1, first, word) == 0 for word in range(3))
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 63), (64, 64), (63, 64), (127, 128), (0, 191)])
+def test_span_reaches_over_the_ends_of_words(first: int, last: int) -> None:
+    column = sum(int(bits.span(first, last, word)) << (64 * word) for word in range(3))
+    assert column == (1 << (last + 1)) - (1 << first)
 
 
 @given(SEEDS)
 @settings(deadline=None, max_examples=10)
 def test_counts_go_up_and_down_cell_by_cell(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    masks = rng.integers(0, 2**64, 12, dtype=np.uint64)
-    planes = np.zeros((4, 1, 1, 1), dtype=np.uint64)
-    for mask in masks:
-        bits.tell(planes, 0, 0, 0, mask)
-    for mask in masks[:5]:
-        bits.untell(planes, 0, 0, 0, mask)
-    left = [sum((int(mask) >> k) & 1 for mask in masks[5:]) for k in range(64)]
-    found = [sum(((int(planes[d, 0, 0, 0]) >> k) & 1) << d for d in range(4)) for k in range(64)]
-    assert found == left
+    planes = np.zeros((4, 2, 3, 2), dtype=np.uint64)
+    counts = np.zeros((2, 3, 128), dtype=np.int64)
+    for _ in range(300):
+        x, y, w = int(rng.integers(2)), int(rng.integers(3)), int(rng.integers(2))
+        some, add = rng.random(64) < 0.5, bool(rng.random() < 0.8)
+        here = counts[x, y, 64 * w : 64 * w + 64]
+        some &= here < 15 if add else here > 0
+        mask = np.packbits(some, bitorder="little").view(np.uint64)[0]
+        (bits.tell if add else bits.untell)(planes, x, y, w, mask)
+        here += some if add else -some.astype(np.int64)
+    digits = np.unpackbits(planes.view(np.uint8), axis=3, bitorder="little")
+    np.testing.assert_array_equal(np.tensordot([1, 2, 4, 8], digits, axes=1), counts)
+    assert counts.max() > 8
 
 
-@pytest.mark.parametrize("side", [64, 128])
+@pytest.mark.parametrize("side", [64, 128, 192])
 def test_erosion_is_scipys_and_at_the_fold_that_of_the_whole(side: int) -> None:
     low = side // 2
     half = cells(3, 0.9, side)
@@ -70,9 +81,10 @@ def test_erosion_is_scipys_and_at_the_fold_that_of_the_whole(side: int) -> None:
     assert not folded[:low].any()
 
 
+@pytest.mark.parametrize("side", [64, 128])
 @pytest.mark.parametrize("share", [0.001, 0.5])
-def test_cells_by_rank_are_in_the_order_of_numpy(share: float) -> None:
-    grid = cells(1, share, 128)
+def test_cells_by_rank_are_in_the_order_of_numpy(share: float, side: int) -> None:
+    grid = cells(1, share, side)
     packed, expected = bits.pack(grid), np.argwhere(grid)
     for rank in (0, 1, len(expected) // 2, len(expected) - 1):
         np.testing.assert_array_equal(bits.cell_at(packed, rank), expected[rank])

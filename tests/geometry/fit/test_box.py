@@ -16,6 +16,7 @@ from tests.geometry.fit.shapes import PLANE, contained
 
 SEEDS = st.integers(0, 2**32 - 1)
 
+
 def random_box(seed: int, *, aligned: bool = False, low: float = 0.0) -> Box:
     """Some of it may lie outside the grid."""
     rng = np.random.default_rng(seed)
@@ -51,8 +52,8 @@ def test_tally_counts_the_cells_of_the_box_and_its_image_once(
     if folded:
         inside = inside | inside[::-1]
     inside[:low] = False
-    grids = [bits.pack(one) for one in (near, far, added, removed)]
-    field = Field(*grids, low, ANYWHERE, np.zeros((0, 3)), 0.0, 0.0)
+    shapes, others = (bits.pack(near), bits.pack(far)), (bits.pack(added), bits.pack(removed))
+    field = Field(*shapes, *others, low, ANYWHERE, np.zeros((0, 3)), 0.0, 0.0)
     hits, cells = tally(box.centre, box.axes, box.half, field, sign, folded)
     inside &= free
     assert hits == np.count_nonzero(near & inside) + np.count_nonzero(far & inside)

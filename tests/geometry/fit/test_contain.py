@@ -103,7 +103,7 @@ def test_an_end_is_cut_where_it_costs_least() -> None:
 def test_any_box_ends_up_inside(seed: int, aligned: bool, tolerance: float) -> None:
     rng = np.random.default_rng(seed)
     box = random_box(seed, aligned=aligned)
-    bounds = Bounds(rng.uniform(3, 30, 3), LEAST, 0.0 if aligned else tolerance)
+    bounds = Bounds(rng.uniform(3, 30, 3), LEAST, 0.0 if aligned else tolerance, PLANE)
     inner = contain(box, bounds)
     low, high = ends(box)
     if inner is None:

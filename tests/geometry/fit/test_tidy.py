@@ -14,7 +14,6 @@ from pnabs.geometry.types import Float64
 from tests.geometry.fit.shapes import PLANE, painted, whole
 
 
-
 def upright(centre: tuple[float, ...], half: tuple[float, ...], sign: int = 1) -> Box:
     return Box(np.array(centre, dtype=float), np.eye(3), np.array(half, dtype=float), sign)
 
