@@ -289,7 +289,12 @@ def _fitted(
         shape.occupancy_192,
         shape.surface,
         shape.mirror,
-        Terms(options.boxes, options.min_gain, options.cover, negatives=None if options.negatives else 0),
+        Terms(
+            options.boxes,
+            options.min_gain,
+            options.cover,
+            negatives=None if options.negatives else 0,
+        ),
         rng,
         extent=shape.extent,
         min_side=options.min_side,

@@ -281,9 +281,10 @@ class Assembly:
 
     def add(self, box: Box) -> None:
         """Add a box."""
-        if sum(other.sign == box.sign for other in self.boxes) >= 2 ** len(
-            self._covers[box.sign].planes
-        ) - 1:
+        if (
+            sum(other.sign == box.sign for other in self.boxes)
+            >= 2 ** len(self._covers[box.sign].planes) - 1
+        ):
             self._covers[box.sign].deepen()
         self._stamp(box, add=True)
         self.boxes.append(box)

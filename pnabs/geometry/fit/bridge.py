@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pnabs.geometry.fit.assembly import Assembly, Box
 from pnabs.geometry.fit.bits import WORD
-from pnabs.geometry.types import Bool, Float64
+from pnabs.geometry.types import Bool
 
 _FURTHEST = 1.25
 """A gap so wide is closed, in cells of a grid of 64^3."""
@@ -77,7 +77,9 @@ def _extended(box: Box, others: list[Box], far: float, overlap: float) -> list[B
             for step in np.arange(1, _STEPS + 1) * (far / _STEPS):
                 half = box.half.copy()
                 half[k] += step / 2
-                longer = box._replace(centre=box.centre + side * step / 2 * box.axes[:, k], half=half)
+                longer = box._replace(
+                    centre=box.centre + side * step / 2 * box.axes[:, k], half=half
+                )
                 if overlapping(longer, others).any():
                     half = half.copy()
                     half[k] += overlap / 2
@@ -102,7 +104,9 @@ def overlapping(box: Box, others: list[Box]) -> Bool:
     cross = np.cross(own[:, :, None], theirs[:, None]).reshape(len(others), 9, 3)
     tests = np.concatenate([own, theirs, cross], axis=1)
     apart = np.abs(np.einsum("nti,ni->nt", tests, centre))
-    reach = np.abs(tests @ box.axes) @ box.half + np.einsum("ntk,nk->nt", np.abs(tests @ axes), half)
+    reach = np.abs(tests @ box.axes) @ box.half + np.einsum(
+        "ntk,nk->nt", np.abs(tests @ axes), half
+    )
     return np.asarray(np.all(apart < reach + _SLACK, axis=1))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from pnabs.geometry.fit.assembly import Assembly, Box, Target
 from pnabs.geometry.fit.seeds import proposal
 
+
 @dataclass(frozen=True, slots=True)
 class Effort:
     """How hard to try.
@@ -133,9 +134,7 @@ def _begun(
     return assembly
 
 
-def polish(
-    assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator
-) -> Assembly:
+def polish(assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator) -> Assembly:
     """Boxes of a coarser grid fitted to a finer one, and some of the least exchanged for others.
 
     Coarse cells make thin parts thick, so how many boxes these are worth, and which, shows here.

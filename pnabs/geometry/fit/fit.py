@@ -14,14 +14,14 @@ from pnabs.geometry import cuboid, quaternion
 from pnabs.geometry.fit import tidy
 from pnabs.geometry.fit.assembly import ANYWHERE, Assembly, Box, Target
 from pnabs.geometry.fit.bits import Bits, count, pack, unpack
-from pnabs.geometry.fit.bridge import bridge
 from pnabs.geometry.fit.box import is_aligned
-from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, polish
+from pnabs.geometry.fit.bridge import bridge
+from pnabs.geometry.fit.build import Effort, Start, Terms, build, grow, polish, prune
 from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.levels import Unit, levels
 from pnabs.geometry.fit.search import LEAST_HALF
-from pnabs.geometry.sampling import near_to
 from pnabs.geometry.kernel import compiling
+from pnabs.geometry.sampling import near_to
 from pnabs.geometry.types import GRID_SIDE, Bool, Cuboids, Float32, Float64
 
 NEAR = 0.01
@@ -167,19 +167,17 @@ def fit(
     assembly = polish(assembly, terms, effort, rng)
     points = finer.places(samples)
     if mirrored:
-        _tidy(assembly, finer.bounds, terms, *tidy.folded(points, normals, finer.middle))
-        plane = finer.middle
-        groups = [
-            [box] if box.centred else [box, box.mirrored(plane)] for box in assembly.boxes
-        ]
-        assembly = Assembly(whole[1], [box for group in groups for box in group])
-        _complete(assembly, terms, effort, rng)
-        groups += [[box] for box in assembly.boxes[sum(map(len, groups)) :]]
-    else:
-        _tidy(assembly, finer.bounds, terms, points, normals)
-        groups = [[box] for box in assembly.boxes]
+        points, normals = tidy.folded(points, normals, finer.middle)
+    _tidy(assembly, finer.bounds, terms, points, normals)
+    alone: list[Box] = []
+    if mirrored:  # before thin boxes get their own thickness, which leaves cells uncovered
+        both = [box for box in assembly.boxes for box in _images(box, mirrored, finer.middle)]
+        alone = _completed(Assembly(whole[1], both), terms, effort, rng)
+    _finish(assembly, finer.bounds, points, normals)
+    groups = [_images(box, mirrored, finer.middle) for box in assembly.boxes]
+    groups += [[box] for box in alone]
     bounds = finer.bounds
-    groups = [group for group in groups if _contained(group, bounds)]
+    groups = tidy.without_hidden([_contained(group, bounds) for group in groups])
     groups.sort(key=lambda group: -group[0].sign)
 
     first = np.cumsum([0, *map(len, groups)])
@@ -189,7 +187,7 @@ def fit(
     ]
     boxes = [box for group in groups for box in group]
     return Fitted(
-        *_to_cuboids([_contained(unit.boxes, bounds) for unit in units], order, finer),
+        *_to_cuboids(groups, order, finer),
         pairs=sum(len(group) == 2 for group in groups),
         centred=sum(box.centred for box in boxes),
         aligned=sum(bool(is_aligned(box.axes)) for box in boxes),
@@ -306,19 +304,32 @@ def _tidy(
     if tidy.hold(assembly, bounds, tilt):
         tidy.settle(assembly, points, normals, rate, fee)
         tidy.join(assembly, rate, fee, OVERLAP * cells)
+    prune(assembly, terms, assembly.iou(), terms.budget)
+
+
+def _finish(assembly: Assembly, bounds: Bounds, points: Float64, normals: Float64) -> None:
+    """What needs the other boxes as they will be."""
+    rate, cells = assembly.iou(), assembly.target.side / GRID_SIDE
     tidy.thin(assembly, points, normals, bounds.least)
-    tidy.drop_hidden(assembly)
     bridge(assembly, rate, BRIDGE * assembly.total, OVERLAP * cells)
     tidy.open_out(assembly, rate)
 
 
-def _complete(assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator) -> None:
-    """Add boxes for what isn't symmetric."""
+def _images(box: Box, mirrored: bool, plane: float) -> list[Box]:
+    """A box, and its mirror image if it stands for both."""
+    return [box, box.mirrored(plane)] if mirrored and not box.centred else [box]
+
+
+def _completed(
+    assembly: Assembly, terms: Terms, effort: Effort, rng: np.random.Generator
+) -> list[Box]:
+    """Boxes for what isn't symmetric, which are added."""
     before, rate = len(assembly), assembly.iou()
     grow(assembly, terms, effort, rate, terms.budget, rng)
     for index in reversed(range(before, len(assembly))):
         if assembly.gain(index, rate) < terms.price * assembly.total:
             assembly.remove(index)
+    return assembly.boxes[before:]
 
 
 def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> list[Start]:
@@ -340,9 +351,7 @@ def _starts(bits: Bits, given: list[Box], *, scattered: bool, centred: bool) -> 
     return starts
 
 
-def _to_boxes(
-    start: tuple[Cuboids, Cuboids], order: list[int], grid: _Grid
-) -> list[Box]:
+def _to_boxes(start: tuple[Cuboids, Cuboids], order: list[int], grid: _Grid) -> list[Box]:
     """Boxes at least a cell thick, positives inside the bounds."""
     bounds = grid.bounds._replace(least=2 * LEAST_HALF)
     boxes: list[Box] = []
@@ -403,6 +412,7 @@ def warm_up() -> None:
 
     Call it once before processes are forked, so that each doesn't compile for itself.
     """
+
     def wedge(side: int) -> Bool:
         x, y, z = np.indices((side, side, side)) / side
         return np.asarray((abs(x - 0.5) < 0.2) & (y >= 0.3) & (z >= 0.3) & (y + z < 0.95))

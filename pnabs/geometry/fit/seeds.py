@@ -71,7 +71,9 @@ def proposal(
         if assembly.cost(start) > room:
             continue
         straight = is_aligned(start.axes)
-        box, value = assembly.searched(start, rate, _STEP * scale, _LEAST * scale, turns=0 if straight else 3)
+        box, value = assembly.searched(
+            start, rate, _STEP * scale, _LEAST * scale, turns=0 if straight else 3
+        )
         value -= fee * assembly.cost(box) + (0 if straight else turning_fee)
         if value > (best[1] if best else 0.0):
             best = box, value

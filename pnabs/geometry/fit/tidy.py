@@ -261,17 +261,20 @@ def thin(assembly: Assembly, points: Float64, normals: Float64, least: float) ->
         assembly.replace(index, box._replace(centre=centre, half=half))
 
 
-def drop_hidden(assembly: Assembly) -> None:
-    """Take away positives that lie within another one."""
-    for index in reversed(range(len(assembly))):
-        box = assembly.boxes[index]
-        corners = box.centre + (2 * UNIT_CORNERS * box.half) @ box.axes.T
-        for at, other in enumerate(assembly.boxes):
-            if at == index or min(box.sign, other.sign) < 0:
-                continue
-            if np.all(np.abs((corners - other.centre) @ other.axes) <= other.half + _WITHIN):
-                assembly.remove(index)
-                break
+def without_hidden(groups: list[list[Box]]) -> list[list[Box]]:
+    """Boxes, and mirrored pairs, but for empty groups and positives that lie within others."""
+    kept = [group for group in groups if group]
+    for group in sorted(kept, key=lambda group: group[0].half.prod()):
+        others = [box for other in kept if other is not group for box in other if box.sign > 0]
+        if group[0].sign > 0 and all(any(_within(box, other) for other in others) for box in group):
+            kept = [one for one in kept if one is not group]
+    return kept
+
+
+def _within(box: Box, other: Box) -> bool:
+    corners = box.centre + (2 * UNIT_CORNERS * box.half) @ box.axes.T
+    local = np.abs((corners - other.centre) @ other.axes)
+    return bool(np.all(local <= other.half + _WITHIN))
 
 
 def join(assembly: Assembly, rate: float, fee: float, overlap: float) -> None:

@@ -237,7 +237,6 @@ def test_levels_are_nested_and_keep_the_symmetry() -> None:
         )
 
 
-@pytest.mark.xfail(strict=False, reason="a negative beside the five positives, and not none")
 def test_a_table_that_stands_askew_has_axes_of_its_own() -> None:
     turn = [np.cos(np.pi / 12), 0, np.sin(np.pi / 12), 0]
     rows = upright(
