@@ -17,7 +17,8 @@ ANYWHERE: Room = (math.inf, math.inf, math.inf)
 """The room of boxes that may be anywhere."""
 
 _TOUCHING = 2.0
-"""Boxes whose bounds are nearer than so many cells matter to each other's search."""
+"""Boxes whose bounds are nearer than so many cells, and twice the points' reach, matter to each
+other."""
 
 _DEPTH = 5
 """Binary digits of the counts of boxes over a cell, until there are more boxes than that."""
@@ -45,6 +46,13 @@ class Box(NamedTuple):
         """Least and largest coordinates, (2, 3)."""
         extent = np.abs(self.axes) @ self.half
         return np.array([self.centre - extent, self.centre + extent])
+
+    def contiguous(self) -> Box:
+        """The same box in arrays of one layout; kernels are compiled anew for each other one."""
+        if all(part.flags.c_contiguous for part in self[:3]):
+            return self
+        centre, axes, half = map(np.ascontiguousarray, self[:3])
+        return self._replace(centre=centre, axes=axes, half=half)
 
     def mirrored(self, plane: float) -> Box:
         """Its image in the plane x = `plane`."""
@@ -233,6 +241,18 @@ def _reach(
                 break
 
 
+@kernel
+def _undecided(points: Float64, over: Int64, under: Int64, sign: int) -> Float64:
+    """Points whose cover one more box of that sign decides."""
+    kept, count = np.empty_like(points), 0
+    for p in range(len(points)):
+        if under[p] == 0 and (over[p] == 0) == (sign > 0):
+            for r in range(3):
+                kept[count, r] = points[p, r]
+            count += 1
+    return kept[:count]
+
+
 class Assembly:
     """Boxes that approximate a target: the positives' cells less the negatives'.
 
@@ -249,8 +269,9 @@ class Assembly:
         self.boxes: list[Box] = []
         self._covers = {sign: _Cover(target.side, len(target.points)) for sign in (1, -1)}
         self._stray: list[int] = []
-        self._bounds: list[Float64] = []
+        self._bounds = np.empty((0, 2, 3))
         self._settled: list[float] = []
+        self._gains: list[tuple[float, float] | None] = []
         for box in boxes:
             self.add(box)
 
@@ -259,9 +280,15 @@ class Assembly:
         twin = Assembly.__new__(Assembly)
         twin.target, twin.total = self.target, self.total
         twin.boxes, twin._stray = list(self.boxes), list(self._stray)
-        twin._bounds, twin._settled = list(self._bounds), list(self._settled)
+        twin._bounds, twin._settled = self._bounds.copy(), list(self._settled)
+        twin._gains = list(self._gains)
         twin._covers = {sign: cover.copy() for sign, cover in self._covers.items()}
         return twin
+
+    def confine(self, room: Room) -> None:
+        """Say where turned positives may be."""
+        self.target = self.target._replace(room=room)
+        self._gains = [None] * len(self.boxes)
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -281,6 +308,7 @@ class Assembly:
 
     def add(self, box: Box) -> None:
         """Add a box."""
+        box = box.contiguous()
         if (
             sum(other.sign == box.sign for other in self.boxes)
             >= 2 ** len(self._covers[box.sign].planes) - 1
@@ -289,8 +317,9 @@ class Assembly:
         self._stamp(box, add=True)
         self.boxes.append(box)
         self._stray.append(self._strays(box))
-        self._bounds.append(box.bounds())
+        self._bounds = np.concatenate([self._bounds, box.bounds()[None]])
         self._settled.append(np.inf)
+        self._gains.append(None)
         self._unsettle(self._bounds[-1])
 
     def remove(self, index: int) -> None:
@@ -298,7 +327,10 @@ class Assembly:
         self._stamp(self.boxes.pop(index), add=False)
         self._stray.pop(index)
         self._settled.pop(index)
-        self._unsettle(self._bounds.pop(index))
+        self._gains.pop(index)
+        gone = self._bounds[index].copy()
+        self._bounds = np.delete(self._bounds, index, axis=0)
+        self._unsettle(gone)
 
     @property
     def added(self) -> Bits:
@@ -338,8 +370,7 @@ class Assembly:
         """What the boxes leave to one more of that sign."""
         target = self.target
         over, under = self._covers[1].points, self._covers[-1].points
-        chosen = (over == 0 if sign > 0 else over > 0) & (under == 0)
-        points = target.points[chosen]
+        points = _undecided(target.points, over, under, sign)
         weight = target.cover * self.total / max(len(target.points), 1)
         return Field(
             target.near,
@@ -355,12 +386,16 @@ class Assembly:
 
     def gain(self, index: int, rate: float) -> float:
         """What a box adds to the whole: its `worth` beside all others."""
+        known = self._gains[index]
+        if known and known[0] == rate:
+            return known[1]
         box = self.boxes[index]
         self._stamp(box, add=False)
         field = self.field(box.sign)
         folded = field.low > 0 and not box.centred
         value = float(worth(*box[:3], field, rate, box.sign, folded))
         self._stamp(box, add=True)
+        self._gains[index] = rate, value
         return value
 
     def refine(self, rate: float, step: float, least: float, fee: float) -> None:
@@ -403,7 +438,7 @@ class Assembly:
 
     def replace(self, index: int, box: Box) -> None:
         """Put a box in another's place."""
-        old = self.boxes[index]
+        old, box = self.boxes[index], box.contiguous()
         if all(np.array_equal(a, b) for a, b in zip(box[:3], old[:3], strict=True)):
             return
         self._stamp(old, add=False)
@@ -446,13 +481,13 @@ class Assembly:
         return int(stray(*box[:3], target.low > 0 and box.centred, target.side))
 
     def _unsettle(self, changed: Float64) -> None:
-        """Boxes about the changed bounds may do better now."""
-        if not self._bounds:
-            return
-        low, high = np.array(self._bounds).transpose(1, 0, 2)
-        near = (low < changed[1] + _TOUCHING) & (high > changed[0] - _TOUCHING)
+        """Boxes about the changed bounds may do better now, and are worth something else."""
+        margin = _TOUCHING + 2 * self.target.reach
+        low, high = self._bounds[:, 0], self._bounds[:, 1]
+        near = (low < changed[1] + margin) & (high > changed[0] - margin)
         for index in np.flatnonzero(near.all(axis=1)):
             self._settled[index] = np.inf
+            self._gains[index] = None
 
 
 @kernel

@@ -7,12 +7,14 @@ from scipy.sparse.csgraph import connected_components
 
 from pnabs.geometry.fit.assembly import Assembly, Box
 from pnabs.geometry.fit.bits import WORD
-from pnabs.geometry.types import Bool
+from pnabs.geometry.kernel import kernel
+from pnabs.geometry.types import Bool, Float64
 
 _FURTHEST = 1.25
 """A gap so wide is closed, in cells of a grid of 64^3."""
 
 _STEPS = 5
+_SLACK = 1e-9
 
 
 def bridge(assembly: Assembly, rate: float, fee: float, overlap: float) -> None:
@@ -94,20 +96,36 @@ def overlapping(box: Box, others: list[Box]) -> Bool:
 
     By the separating axis test: three axes of each, and their nine products.
     """
-    if not others:
-        return np.zeros(0, dtype=bool)
-    centre = np.array([other.centre for other in others]) - box.centre
-    axes = np.array([other.axes for other in others])
-    half = np.array([other.half for other in others])
-    own = np.broadcast_to(box.axes.T, (len(others), 3, 3))
-    theirs = axes.transpose(0, 2, 1)
-    cross = np.cross(own[:, :, None], theirs[:, None]).reshape(len(others), 9, 3)
-    tests = np.concatenate([own, theirs, cross], axis=1)
-    apart = np.abs(np.einsum("nti,ni->nt", tests, centre))
-    reach = np.abs(tests @ box.axes) @ box.half + np.einsum(
-        "ntk,nk->nt", np.abs(tests @ axes), half
+    one = box.contiguous()
+    return np.array(
+        [_overlap(*one[:3], *other.contiguous()[:3]) for other in others], dtype=np.bool_
     )
-    return np.asarray(np.all(apart < reach + _SLACK, axis=1))
 
 
-_SLACK = 1e-9
+@kernel
+def _overlap(
+    centre: Float64, axes: Float64, half: Float64, middle: Float64, frame: Float64, reach: Float64
+) -> bool:
+    """Whether two boxes overlap."""
+    apart = middle - centre
+    tests = np.empty((15, 3))
+    for i in range(3):
+        for r in range(3):
+            tests[i, r], tests[3 + i, r] = axes[r, i], frame[r, i]
+        for j in range(3):
+            for r in range(3):
+                s, t = (r + 1) % 3, (r + 2) % 3
+                tests[6 + 3 * i + j, r] = axes[s, i] * frame[t, j] - axes[t, i] * frame[s, j]
+    for n in range(15):
+        gap, size = 0.0, _SLACK
+        for r in range(3):
+            gap += tests[n, r] * apart[r]
+        for k in range(3):
+            one, two = 0.0, 0.0
+            for r in range(3):
+                one += tests[n, r] * axes[r, k]
+                two += tests[n, r] * frame[r, k]
+            size += abs(one) * half[k] + abs(two) * reach[k]
+        if abs(gap) >= size:
+            return False
+    return True

@@ -27,6 +27,13 @@ LEAST_HALF = 0.5
 
 _LARGEST_TURN = 0.5
 
+_GAIN = 1e-6
+"""A change must gain more than this, in doubled cells."""
+
+_SIDES = (-1, 1, 0)
+"""The side that moves; 0: both, so that the box is shifted.  That comes last: it is what the two
+sides' moves were."""
+
 _OUT = 1e5
 """What each cell of length outside its room costs a box: more than any box is worth."""
 
@@ -323,66 +330,15 @@ def search(
     inner = _inner(centre, axes, half, field, rate, sign, folded)
     best = inner + around(centre, axes, half, field, rate, sign, folded)
     moved, resized = centre.copy(), half.copy()
+    # What the cells gain when a side goes out or in, while the box is as it was then.
+    slabs, known = np.zeros((2, 2)), np.zeros((2, 2), dtype=np.bool_)
+    moves = 9 + turns
+    move, idle = 0, 0
     while step >= least:
-        improved = False
-        for k in range(3):
-            for side in range(-1, 2):  # 0: shift without a change of size
-                if centred and k == 0 and side < 1:
-                    continue
-                for way in range(2):
-                    change = step if way == 0 else -step
-                    went = False
-                    while True:
-                        for r in range(3):
-                            moved[r], resized[r] = centre[r], half[r]
-                        pair = centred and k == 0
-                        if side == 0 or not pair:
-                            along = change if side == 0 else side * change / 2
-                            for r in range(3):
-                                moved[r] += axes[r, k] * along
-                        if side != 0:
-                            resized[k] += change / 2
-                            if resized[k] < LEAST_HALF:
-                                break
-                        if (
-                            folded
-                            and min(
-                                bounds_of(moved, axes, resized)[0, 0],
-                                bounds_of(centre, axes, half)[0, 0],
-                            )
-                            < field.low
-                        ):
-                            now = _inner(moved, axes, resized, field, rate, sign, folded)
-                        elif pair:
-                            now = inner
-                            for end in (-1, 1):
-                                if field.low == 0 or end * axes[0, 0] > 0:
-                                    now += _slab(
-                                        centre, axes, half, k, end, change / 2, field, rate, sign
-                                    )
-                        elif side != 0:
-                            now = inner + _slab(
-                                centre, axes, half, k, side, change, field, rate, sign
-                            )
-                        elif abs(change) < 2 * half[k]:
-                            ahead, size = (1, change) if change > 0 else (-1, -change)
-                            now = inner + _slab(
-                                centre, axes, half, k, ahead, size, field, rate, sign
-                            )
-                            now += _slab(centre, axes, half, k, -ahead, -size, field, rate, sign)
-                        else:
-                            now = _inner(moved, axes, resized, field, rate, sign, folded)
-                        value = now + around(moved, axes, resized, field, rate, sign, folded)
-                        if value <= best + 1e-6:
-                            break
-                        best, inner, went, improved = value, now, True, True
-                        for r in range(3):
-                            centre[r], half[r] = moved[r], resized[r]
-                    if went:
-                        break
-        for k in range(turns):
-            far_end = max(half[(k + 1) % 3], half[(k + 2) % 3])
-            size = min(step / far_end, _LARGEST_TURN)
+        idle += 1
+        if move >= 9:
+            k = move - 9
+            size = min(step / max(half[(k + 1) % 3], half[(k + 2) % 3]), _LARGEST_TURN)
             for way in range(2):
                 angle = size if way == 0 else -size
                 went = False
@@ -390,12 +346,67 @@ def search(
                     turned = turn(axes, k, angle)
                     now = _inner(centre, turned, half, field, rate, sign, folded)
                     value = now + around(centre, turned, half, field, rate, sign, folded)
-                    if value <= best + 1e-6:
+                    if value <= best + _GAIN:
                         break
-                    best, inner, went, improved = value, now, True, True
+                    best, inner, went, idle = value, now, True, 1
                     axes[:] = turned
                 if went:
                     break
-        if not improved:
-            step *= 0.5
+        else:
+            k, side = move // 3, _SIDES[move % 3]
+            pair = centred and k == 0
+            if move % 3 == 0:
+                known[:] = False
+            for way in range(2 if side == 1 or not pair else 0):
+                change = step if way == 0 else -step
+                went = False
+                while True:
+                    for r in range(3):
+                        moved[r], resized[r] = centre[r], half[r]
+                    if not pair:
+                        along = change if side == 0 else side * change / 2
+                        for r in range(3):
+                            moved[r] += axes[r, k] * along
+                    if side != 0:
+                        resized[k] += change / 2
+                        if resized[k] < LEAST_HALF:
+                            break
+                    if folded and min(
+                        bounds_of(moved, axes, resized)[0, 0], bounds_of(centre, axes, half)[0, 0]
+                    ) < field.low:
+                        now = _inner(moved, axes, resized, field, rate, sign, folded)
+                    elif pair:
+                        now = inner
+                        for end in (-1, 1):
+                            if field.low == 0 or end * axes[0, 0] > 0:
+                                now += _slab(
+                                    centre, axes, half, k, end, change / 2, field, rate, sign
+                                )
+                    elif side == 0 and abs(change) >= 2 * half[k]:
+                        now = _inner(moved, axes, resized, field, rate, sign, folded)
+                    else:
+                        now = inner
+                        for end in (-1, 1):
+                            if side == -end:
+                                continue
+                            size = change if side != 0 else end * change
+                            i, j = (end + 1) // 2, 0 if size > 0 else 1
+                            if not known[i, j]:
+                                slabs[i, j] = _slab(
+                                    centre, axes, half, k, end, size, field, rate, sign
+                                )
+                                known[i, j] = True
+                            now += slabs[i, j]
+                    value = now + around(moved, axes, resized, field, rate, sign, folded)
+                    if value <= best + _GAIN:
+                        break
+                    best, inner, went, idle = value, now, True, 1
+                    known[:] = False
+                    for r in range(3):
+                        centre[r], half[r] = moved[r], resized[r]
+                if went:
+                    break
+        move = (move + 1) % moves
+        if idle == moves:  # none of them helps
+            step, move, idle = step * 0.5, 0, 0
     return best

@@ -15,7 +15,7 @@ from pnabs.geometry.fit.assembly import Assembly, Box
 from pnabs.geometry.fit.box import is_aligned, outside
 from pnabs.geometry.fit.contain import Bounds, contain
 from pnabs.geometry.fit.search import LEAST_HALF
-from pnabs.geometry.types import Float64
+from pnabs.geometry.types import Float64, Int64
 
 _NEARLY = 1.5
 """Sides of two boxes that are nearer than so many cells are meant to be flush."""
@@ -135,7 +135,7 @@ def hold(assembly: Assembly, bounds: Bounds, tilt: float) -> bool:
     bool
         Whether any box was cut.
     """
-    assembly.target = assembly.target._replace(room=bounds.room())
+    assembly.confine(bounds.room())
     cut = False
     for index, box in enumerate(assembly.boxes):
         if box.sign > 0 and outside(*box[:3], assembly.target.room, assembly.target.side)[0] > 0:
@@ -165,8 +165,8 @@ def align(assembly: Assembly, points: Float64, normals: Float64, rate: float, fe
     for index, box in enumerate(assembly.boxes):
         if box.sign < 0 or is_aligned(box.axes):
             continue
-        local = (points - box.centre) @ box.axes
-        facing = normals @ box.axes
+        local, facing, chosen = _beside(box, points, normals, _NEAR_SIDE)
+        beside = normals[chosen]
         side = np.sign(facing)
         facing_one = np.abs(facing) > _ALIKE
         inside = np.abs(local) < box.half + _BESIDE
@@ -176,7 +176,7 @@ def align(assembly: Assembly, points: Float64, normals: Float64, rate: float, fe
             others = [i for i in range(3) if i != k]
             chosen = facing_one[:, k] & near[:, k] & inside[:, others].all(axis=1)
             if np.count_nonzero(chosen) >= _ENOUGH:
-                sums[:, k] += (side[chosen, k, None] * normals[chosen]).sum(axis=0)
+                sums[:, k] += (side[chosen, k, None] * beside[chosen]).sum(axis=0)
         first = 1 if box.centred else 0
         if box.centred:  # its first axis is the grid's, and it may turn about that alone
             sums[0, 1:] = 0.0
@@ -187,6 +187,19 @@ def align(assembly: Assembly, points: Float64, normals: Float64, rate: float, fe
         axes = box.axes.copy()
         axes[first:, first:] = turned
         _accept(assembly, index, box._replace(axes=axes), rate, fee)
+
+
+def _beside(
+    box: Box, points: Float64, normals: Float64, margin: float
+) -> tuple[Float64, Float64, Int64]:
+    """Samples in a box or this near to it, in its frame: places, normals, and which they are."""
+    low, high = box.bounds()
+    bounding = np.all((points > low - 2 * margin) & (points < high + 2 * margin), axis=1)
+    chosen = np.flatnonzero(bounding)
+    local = (points[chosen] - box.centre) @ box.axes
+    near = np.all(np.abs(local) < box.half + margin, axis=1)
+    chosen = chosen[near]
+    return local[near], normals[chosen] @ box.axes, chosen
 
 
 def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, fee: float) -> None:
@@ -201,8 +214,8 @@ def settle(assembly: Assembly, points: Float64, normals: Float64, rate: float, f
         A side moves unless that costs more than the fee, in doubled cells.
     """
     for index, box in enumerate(assembly.boxes):
-        local = (points - box.centre) @ box.axes
-        facing = box.sign * (normals @ box.axes)
+        local, facing, _ = _beside(box, points, normals, _BESIDE)
+        facing *= box.sign
         excess = np.abs(local) - box.half
         low, high = -box.half, box.half.copy()
         for k in range(3):
@@ -242,8 +255,8 @@ def thin(assembly: Assembly, points: Float64, normals: Float64, least: float) ->
         k = int(np.argmin(box.half))
         if box.centred and k == 0:
             continue
-        local = (points - box.centre) @ box.axes
-        facing = normals @ box.axes[:, k]
+        local, facing, _ = _beside(box, points, normals, _BESIDE_THIN)
+        facing = facing[:, k]
         others = [i for i in range(3) if i != k]
         beside = np.all(np.abs(local[:, others]) < box.half[others], axis=1)
         beside &= np.abs(local[:, k]) < box.half[k] + _BESIDE_THIN
