@@ -34,6 +34,9 @@ _SIDES = (-1, 1, 0)
 """The side that moves; 0: both, so that the box is shifted.  That comes last: it is what the two
 sides' moves were."""
 
+_MANY = 24
+"""Of a box over so many planes a third of these tells whether a turn is worth a closer look."""
+
 _OUT = 1e5
 """What each cell of length outside its room costs a box: more than any box is worth."""
 
@@ -73,7 +76,13 @@ class Field(NamedTuple):
 
 @kernel
 def tally(
-    centre: Float64, axes: Float64, half: Float64, field: Field, sign: int, folded: bool
+    centre: Float64,
+    axes: Float64,
+    half: Float64,
+    field: Field,
+    sign: int,
+    folded: bool,
+    stride: int = 1,
 ) -> tuple[int, int]:
     """Cells that the box decides: how many are in `near` and `far`, and twice those that there are.
 
@@ -87,6 +96,8 @@ def tally(
     sign : int
     folded : bool
         The box's image in the middle plane across x counts too, each cell once.
+    stride : int
+        Count every so many planes across x alone.
 
     Returns
     -------
@@ -104,11 +115,12 @@ def tally(
     one_shape = field.low == 0
     every = np.uint64(0xFFFFFFFFFFFFFFFF)
     flip = every if sign > 0 else np.uint64(0)
-    end = max(x1, last - x0) if folded else x1
+    begin, end = max(x0, field.low), max(x1, last - x0) if folded else x1
+    begin += (-begin) % stride
     if is_aligned(axes):
         for w in range(z0 >> 6, (z1 >> 6) + 1):
             mask = span(z0, z1, w)
-            for x in range(max(x0, field.low), end + 1):
+            for x in range(begin, end + 1, stride):
                 if x0 <= x <= x1 or x0 <= last - x <= x1:
                     for y in range(y0, y1 + 1):
                         free = (added[x, y, w] ^ flip) & ~removed[x, y, w] & mask
@@ -120,7 +132,7 @@ def tally(
     slabs = slabs_of(axes, half)
     lows, highs = np.empty(y1 - y0 + 1), np.empty(y1 - y0 + 1)
     lows2, highs2 = np.empty(y1 - y0 + 1), np.empty(y1 - y0 + 1)
-    for x in range(max(x0, field.low), end + 1):
+    for x in range(begin, end + 1, stride):
         itself = x0 <= x <= x1
         image = folded and x0 <= last - x <= x1
         first, final = y0, y1
@@ -211,10 +223,11 @@ def _inner(
     rate: float,
     sign: int,
     folded: bool,
+    stride: int = 1,
 ) -> float:
-    """The part of a box's worth that is in the grid's cells."""
-    hits, cells = tally(centre, axes, half, field, sign, folded)
-    return sign * (hits - rate * (cells - hits))
+    """The part of a box's worth that is in the grid's cells; told from some planes by a stride."""
+    hits, cells = tally(centre, axes, half, field, sign, folded, stride)
+    return sign * stride * (hits - rate * (cells - hits))
 
 
 @kernel
@@ -339,11 +352,23 @@ def search(
         if move >= 9:
             k = move - 9
             size = min(step / max(half[(k + 1) % 3], half[(k + 2) % 3]), _LARGEST_TURN)
+            bounds = bounds_of(centre, axes, half)
+            stride = 3 if bounds[0, 1] - bounds[0, 0] >= _MANY else 1
+            told = 0.0
+            if stride > 1:
+                told = _inner(centre, axes, half, field, rate, sign, folded, stride)
             for way in range(2):
                 angle = size if way == 0 else -size
                 went = False
                 while True:
                     turned = turn(axes, k, angle)
+                    if stride > 1:
+                        tells = _inner(centre, turned, half, field, rate, sign, folded, stride)
+                        value = inner + tells - told
+                        value += around(centre, turned, half, field, rate, sign, folded)
+                        if value <= best:
+                            break
+                        told = tells
                     now = _inner(centre, turned, half, field, rate, sign, folded)
                     value = now + around(centre, turned, half, field, rate, sign, folded)
                     if value <= best + _GAIN:
