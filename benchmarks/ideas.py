@@ -72,7 +72,16 @@ def fitted_boxes(shapes: list[Shape], boxes: int) -> np.ndarray:
     terms = Terms(boxes, settings.Abstract().min_gain, negatives=0)
     for row, shape in enumerate(shapes):
         rng = np.random.default_rng(row)
-        found = fit(shape.occupancy_64, shape.occupancy_192, shape.surface, shape.mirror, terms, rng).positives
+        found = fit(
+            shape.occupancy_64,
+            shape.occupancy_192,
+            shape.surface,
+            shape.mirror,
+            terms,
+            rng,
+            extent=shape.extent,
+            min_side=settings.Abstract().min_side,
+        ).positives
         out[row, : len(found)] = found.as_vector()
     return out
 

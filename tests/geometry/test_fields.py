@@ -137,7 +137,7 @@ import numpy as np
 from benchmarks.known_solids import spoil
 from pnabs.dataset.samples.collection import make_model
 from pnabs.geometry import columns, disorder, distance, holes, obj, off, patches
-from pnabs.geometry import pieces, ply, polygon, shell, stl, visibility, words
+from pnabs.geometry import pieces, ply, polygon, shell, solid, stl, visibility, words
 from pnabs.geometry.fields import compute_fields, warm_up
 from pnabs.geometry.load import parse_mesh
 from pnabs.settings import Ingest
@@ -147,7 +147,7 @@ kernels = [
     (module.__name__, name, kernel)
     for module in (
         *(columns, disorder, distance, holes, obj, off, patches),
-        *(pieces, ply, polygon, shell, stl, visibility, words),
+        *(pieces, ply, polygon, shell, solid, stl, visibility, words),
     )
     for name, kernel in vars(module).items()
     if hasattr(kernel, "signatures")

@@ -161,4 +161,4 @@ def test_library_calls_read_old_names(tmp_path: Path) -> None:
 
 
 def test_the_settings_themselves_know_new_names_alone() -> None:
-    assert (Abstract().min_gain, Training().init_from) == (0.004, None)
+    assert (Abstract().min_gain, Training().init_from) == (0.002, None)

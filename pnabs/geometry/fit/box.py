@@ -82,7 +82,8 @@ def chords(
     bottom, top : int
         Cells beyond these don't count.
     low, high : (G,) float64
-        Out, from `first` on: the lowest and the highest point.  Lowest is above highest where there is none.
+        Out, from `first` on: the lowest and the highest point, the lowest above the highest where
+        there is none.
     """
     dx = x - centre[0]
     middle0, slope0, reach0 = slabs[0, 0] * dx, slabs[0, 1], slabs[0, 2]

@@ -396,9 +396,14 @@ def search(
                         resized[k] += change / 2
                         if resized[k] < LEAST_HALF:
                             break
-                    if folded and min(
-                        bounds_of(moved, axes, resized)[0, 0], bounds_of(centre, axes, half)[0, 0]
-                    ) < field.low:
+                    if (
+                        folded
+                        and min(
+                            bounds_of(moved, axes, resized)[0, 0],
+                            bounds_of(centre, axes, half)[0, 0],
+                        )
+                        < field.low
+                    ):
                         now = _inner(moved, axes, resized, field, rate, sign, folded)
                     elif pair:
                         now = inner
