@@ -165,8 +165,8 @@ def align(assembly: Assembly, points: Float64, normals: Float64, rate: float, fe
     for index, box in enumerate(assembly.boxes):
         if box.sign < 0 or is_aligned(box.axes):
             continue
-        local, facing, chosen = _beside(box, points, normals, _NEAR_SIDE)
-        beside = normals[chosen]
+        local, facing, at = _beside(box, points, normals, _NEAR_SIDE)
+        beside = normals[at]
         side = np.sign(facing)
         facing_one = np.abs(facing) > _ALIKE
         inside = np.abs(local) < box.half + _BESIDE
