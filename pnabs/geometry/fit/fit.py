@@ -304,6 +304,7 @@ def _tidy(
     if tidy.hold(assembly, bounds, tilt):
         tidy.settle(assembly, points, normals, rate, fee)
         tidy.join(assembly, rate, fee, OVERLAP * cells)
+    tidy.merge(assembly, terms.price)
     prune(assembly, terms, assembly.iou(), terms.budget)
 
 

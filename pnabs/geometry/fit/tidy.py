@@ -42,6 +42,8 @@ _ENOUGH = 5
 _NEAR_FRAME = 0.35
 """A box is turned into another's frame by so much at most, radians."""
 _SAME_FRAME = 1e-5
+_HOLLOW = 1.2
+"""Boxes are merged into one of so much of their volumes' sum at most."""
 _BEYOND = 1.0
 """How far a negative reaches out of what it opens, in cells."""
 
@@ -290,6 +292,51 @@ def _within(box: Box, other: Box) -> bool:
     return bool(np.all(local <= other.half + _WITHIN))
 
 
+def merge(assembly: Assembly, price: float) -> None:
+    """Put one box in the place of two in one frame that it serves as well as.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    price : float
+        What a box must add, in IoU or the like.
+    """
+    index = 0
+    while index < len(assembly):
+        merged = any(
+            _merged(assembly, index, other, price) for other in range(index + 1, len(assembly))
+        )
+        index = 0 if merged else index + 1
+
+
+def _merged(assembly: Assembly, index: int, other: int, price: float) -> bool:
+    """Whether two boxes were merged."""
+    one, two = assembly.boxes[index], assembly.boxes[other]
+    if index == other or min(one.sign, two.sign) < 0 or one.centred != two.centred:
+        return False
+    if not _in_one_frame(one, two):
+        return False
+    middle, reach = one.axes.T @ (two.centre - one.centre), np.abs(one.axes.T @ two.axes) @ two.half
+    low, high = np.minimum(-one.half, middle - reach), np.maximum(one.half, middle + reach)
+    half = (high - low) / 2
+    if half.prod() > _HOLLOW * (one.half.prod() + two.half.prod()):
+        return False
+    both = one._replace(centre=one.centre + one.axes @ ((low + high) / 2), half=half)
+    trial = assembly.copy()
+    for changed in (trial, assembly):
+        changed.replace(index, both)
+        changed.remove(other)
+        if changed is trial and trial.merit() < assembly.merit() - price * assembly.cost(one):
+            return False
+    return True
+
+
+def _in_one_frame(one: Box, two: Box) -> bool:
+    """Whether the axes of two boxes are the same, in any order."""
+    turn = np.abs(one.axes.T @ two.axes)
+    return bool(np.all((turn < _SAME_FRAME) | (turn > 1 - _SAME_FRAME)))
+
+
 def join(assembly: Assembly, rate: float, fee: float, overlap: float) -> None:
     """Make sides of positives in one frame that are nearly flush exactly so.
 
@@ -316,9 +363,9 @@ def _join_side(
     one, two = assembly.boxes[index], assembly.boxes[other]
     if index == other or one.sign < 0 or two.sign < 0 or (one.centred and k == 0):
         return
-    turn = np.abs(one.axes.T @ two.axes)
-    if not np.all((turn < _SAME_FRAME) | (turn > 1 - _SAME_FRAME)):
+    if not _in_one_frame(one, two):
         return
+    turn = np.abs(one.axes.T @ two.axes)
     middle = one.axes.T @ (two.centre - one.centre)
     reach = turn @ two.half
     mine, theirs = np.array([-one.half, one.half]), np.array([middle - reach, middle + reach])

@@ -134,3 +134,22 @@ def test_folded_samples_lie_on_one_side() -> None:
     np.testing.assert_array_equal(there, [[2 * PLANE - 10, 1, 2], [40, 3, 4]])
     np.testing.assert_array_equal(facing, [[1, 0, 0], [1, 0, 0]])
     assert points[0, 0] == 10
+
+
+def test_two_boxes_are_merged_where_one_serves_as_well() -> None:
+    left, right = upright((20, 32, 32), (6, 4, 8)), upright((31.5, 32, 32), (6, 4, 8))
+    apart, taller = upright((50, 32, 32), (3, 4, 8)), upright((25.5, 42, 32), (3, 9, 8))
+    assembly = Assembly(target(left, right, apart, taller), [left, right, apart, taller])
+    tidy.merge(assembly, 0.002)
+    assert len(assembly) == 3
+    assert assembly.iou() == 1
+    np.testing.assert_allclose(assembly.boxes[0].bounds(), [[14, 28, 24], [37.5, 36, 40]])
+
+
+def test_boxes_that_leave_too_much_between_them_stay_two() -> None:
+    low, high = upright((20, 32, 32), (6, 4, 8)), upright((33.5, 32, 32), (6, 4, 8))
+    assembly = Assembly(target(low, high), [low, high])
+    tidy.merge(assembly, 0.002)
+    assert len(assembly) == 2
+    tidy.merge(assembly, 0.2)
+    assert len(assembly) == 1
