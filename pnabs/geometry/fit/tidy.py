@@ -287,6 +287,7 @@ def without_hidden(groups: list[list[Box]]) -> list[list[Box]]:
 
 
 def _within(box: Box, other: Box) -> bool:
+    """Whether a box lies within another."""
     corners = box.centre + (2 * UNIT_CORNERS * box.half) @ box.axes.T
     local = np.abs((corners - other.centre) @ other.axes)
     return bool(np.all(local <= other.half + _WITHIN))
@@ -312,7 +313,7 @@ def merge(assembly: Assembly, price: float) -> None:
 def _merged(assembly: Assembly, index: int, other: int, price: float) -> bool:
     """Whether two boxes were merged."""
     one, two = assembly.boxes[index], assembly.boxes[other]
-    if index == other or min(one.sign, two.sign) < 0 or one.centred != two.centred:
+    if min(one.sign, two.sign) < 0 or one.centred != two.centred:
         return False
     if not _in_one_frame(one, two):
         return False
@@ -323,11 +324,12 @@ def _merged(assembly: Assembly, index: int, other: int, price: float) -> bool:
         return False
     both = one._replace(centre=one.centre + one.axes @ ((low + high) / 2), half=half)
     trial = assembly.copy()
-    for changed in (trial, assembly):
-        changed.replace(index, both)
-        changed.remove(other)
-        if changed is trial and trial.merit() < assembly.merit() - price * assembly.cost(one):
-            return False
+    trial.replace(index, both)
+    trial.remove(other)
+    if trial.merit() < assembly.merit() - price * assembly.cost(one):
+        return False
+    assembly.replace(index, both)
+    assembly.remove(other)
     return True
 
 
